@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+namespace envbake {
+
+/// Where a stage says how far it is. Stages only count; somebody else looks and prints.
+/// Threads: add() may be called from any.
+class Progress {
+  public:
+    /// A new piece of work of `total` units ("vertices", "texels") begins.
+    void begin(const char* what, const char* unit, std::uint64_t total) {
+        done_.store(0);
+        total_.store(total);
+        unit_.store(unit);
+        what_.store(what);
+    }
+    void add(std::uint64_t units) { done_.fetch_add(units, std::memory_order_relaxed); }
+
+    const char* what() const { return what_.load(); }
+    const char* unit() const { return unit_.load(); }
+    std::uint64_t done() const { return done_.load(std::memory_order_relaxed); }
+    std::uint64_t total() const { return total_.load(); }
+
+  private:
+    std::atomic<const char*> what_{""};
+    std::atomic<const char*> unit_{""};
+    std::atomic<std::uint64_t> done_{0};
+    std::atomic<std::uint64_t> total_{0};
+};
+
+}  // namespace envbake

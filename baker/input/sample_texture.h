@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/input/scene.h"
+
+namespace envbake {
+
+/// A material at one surface point: textures and vertex colour multiplied in.
+struct SurfaceMaterial {
+    Vec3 base_color{1};  ///< linear
+    float alpha = 1;
+    float metallic = 0;
+    float perceptual_roughness = 1;
+    Vec3 r0{0.04f};  ///< mix(dielectric_r0, base_color, metallic)
+    Vec3 emission{0};
+
+    /// Albedo of the diffuse part: base_color (1 - metallic).
+    Vec3 diffuse_albedo() const { return base_color * (1 - metallic); }
+};
+
+/// Bilinear, texel centres at (i + 1/2) / n, wrapped as the texture says; RGBA in [0, 1] as stored.
+Vec4 sample_texture(const Scene& scene, const Texture& texture, Vec2 uv);
+
+/// The material of mesh `mesh` at barycentric (b0, b1, b2) of triangle `triangle`.
+SurfaceMaterial surface_material(const Scene& scene, const Mesh& mesh, std::size_t triangle,
+                                 const Vec3& barycentric);
+
+}  // namespace envbake

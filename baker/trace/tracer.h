@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/core/error.h"
+#include "baker/input/scene.h"
+#include "baker/math/vector.h"
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+namespace envbake {
+
+/// Sixteen rays that leave one origin; structure of arrays, as Embree's packets want them.
+struct alignas(64) DirectionPacket {
+    std::array<float, 16> x, y, z;
+};
+
+struct Hit {
+    std::uint32_t mesh = 0;      ///< index into Scene::meshes
+    std::uint32_t triangle = 0;  ///< index into that mesh's triangles
+    float u = 0, v = 0;          ///< barycentric weights of the triangle's vertices 1 and 2
+    float distance = 0;          ///< in units of |direction|
+    Vec3 geometric_normal{0};    ///< unit; by winding, not turned towards the ray
+};
+
+/// Answers visibility among a scene's triangles. Robust: no leaks at shared edges. Triangles that
+/// cannot be hit (zero area) are left out; triangles of materials with alpha mode BLEND cast no
+/// shadow and are seen only by closest().
+/// Threads: every query may run on any number of threads at once.
+class Tracer {
+  public:
+    static Expected<Tracer> build(const Scene& scene);
+    Tracer(Tracer&&) noexcept;
+    Tracer& operator=(Tracer&&) noexcept;
+    ~Tracer();
+
+    /// Bit i set: ray i (of those set in `active`) meets an occluder.
+    std::uint32_t occluded16(const Vec3& origin, const DirectionPacket& directions,
+                             std::uint32_t active = 0xffff) const;
+    bool occluded(const Vec3& origin, const Vec3& direction) const;
+    std::optional<Hit> closest(const Vec3& origin, const Vec3& direction) const;
+
+  private:
+    struct State;
+    explicit Tracer(std::unique_ptr<State> state);
+    std::unique_ptr<State> state_;
+};
+
+}  // namespace envbake
