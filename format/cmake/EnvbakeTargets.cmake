@@ -2,6 +2,10 @@
 # What every target needs: warnings, sanitizers, and a clear word when a package is missing.
 include_guard(GLOBAL)
 
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+
 add_library(envbake_warnings INTERFACE)
 add_library(envbake::warnings ALIAS envbake_warnings)
 target_compile_options(envbake_warnings INTERFACE -Wall -Wextra -Wconversion -Wshadow)

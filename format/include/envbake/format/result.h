@@ -86,12 +86,13 @@ class [[nodiscard]] Result<void, E> {
 
 /// Declares `decl` from the value of `expr`, or returns its error to the caller:
 ///     ENVBAKE_TRY(const Image image, read_image(file));
-#define ENVBAKE_TRY(decl, expr)                                    \
-    auto ENVBAKE_CONCAT(envbake_try_, __LINE__) = (expr);          \
-    if (!ENVBAKE_CONCAT(envbake_try_, __LINE__))                   \
+#define ENVBAKE_TRY(decl, ...)                                            \
+    auto ENVBAKE_CONCAT(envbake_try_, __LINE__) = (__VA_ARGS__);          \
+    if (!ENVBAKE_CONCAT(envbake_try_, __LINE__))                          \
         return std::move(ENVBAKE_CONCAT(envbake_try_, __LINE__)).error(); \
     decl = *std::move(ENVBAKE_CONCAT(envbake_try_, __LINE__))
 
 /// Returns the error of a Result<void, E> to the caller, if it holds one.
-#define ENVBAKE_TRY_VOID(expr) \
-    if (auto envbake_try_void = (expr); !envbake_try_void) return std::move(envbake_try_void).error()
+#define ENVBAKE_TRY_VOID(...)                                     \
+    if (auto envbake_try_void = (__VA_ARGS__); !envbake_try_void) \
+    return std::move(envbake_try_void).error()

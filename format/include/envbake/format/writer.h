@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "envbake/format/error.h"
+#include "envbake/format/layout.h"
+#include "envbake/format/reader.h"
+#include "envbake/format/result.h"
+
+#include <cstdint>
+#include <initializer_list>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace envbake::format {
+
+/// What an array is, before its bytes are known.
+struct ArraySpec {
+    std::string name;
+    ElementType type = ElementType::F32;
+    std::vector<std::uint64_t> shape;  ///< 1 to 6 axes
+    Codec codec = Codec::None;
+};
+
+/// Writes a bundle, array after array, without holding any in memory. The file stands under its
+/// name only once finish() has returned: until then the bytes go to an unnamed file in the same
+/// folder (a temporary name where the file system has no unnamed files), and a writer that is
+/// destroyed or killed leaves nothing behind; an older bundle stays whole.
+class Writer {
+  public:
+    /// Errors:  CannotOpen
+    [[nodiscard]] static Expected<Writer> create(const std::string& path);
+    Writer(Writer&&) noexcept;
+    Writer& operator=(Writer&&) noexcept;
+    ~Writer();
+
+    /// Errors:  BadName, DuplicateName, EntryRank, EntryShape, CannotWrite
+    [[nodiscard]] Expected<void> begin(const ArraySpec& spec);
+    [[nodiscard]] Expected<void> append(std::span<const std::byte> bytes);
+    /// Errors:  WrongByteCount, CannotWrite
+    [[nodiscard]] Expected<void> end();
+
+    /// The three above in one.
+    [[nodiscard]] Expected<void> add(const ArraySpec& spec, std::span<const std::byte> bytes);
+    template <class T>
+    [[nodiscard]] Expected<void> add(std::string name, std::vector<std::uint64_t> shape,
+                                     std::span<const T> elements, Codec codec = Codec::None) {
+        return add(ArraySpec{std::move(name), kElementTypeOf<T>, std::move(shape), codec},
+                   std::as_bytes(elements));
+    }
+
+    /// Writes the table and the header, flushes to the disk, and puts the file in its place.
+    ///
+    /// Errors:  CannotWrite
+    [[nodiscard]] Expected<void> finish();
+
+  private:
+    struct State;
+    explicit Writer(std::unique_ptr<State> state);
+    std::unique_ptr<State> state_;
+};
+
+}  // namespace envbake::format
