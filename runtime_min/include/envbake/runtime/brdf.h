@@ -1,12 +1,97 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
+#include <numbers>
+
 namespace envbake::runtime {
 
-/// How the texels of a BRDF table lie over (n.v, perceptual roughness).
+// The specular lobe that everything here agrees on: GGX normals, height-correlated Smith masking,
+// Schlick's Fresnel. The BRDF is f = D(h) V(l, v) F(v.h), per steradian.
+//
+// Real is float or double. Every argument n_dot_x is a cosine in [0, 1]; `alpha` is the perceptual
+// roughness squared, in (0, 1].
+
+/// GGX distribution of microfacet normals, isotropic, per steradian.
+///
+///     D(h) = alpha^2 / (pi (sin^2 + alpha^2 cos^2)^2),  cos = n.h,  integral of D(h) (n.h) dh = 1
+///
+/// Source: [Walter07] eq. 33, tangents multiplied out.
+template <class Real>
+Real ggx_d(Real n_dot_h, Real alpha) {
+    // Two positive terms, sin^2 as (1 - c)(1 + c): a small alpha loses no digits near the peak.
+    const Real sin2 = (1 - n_dot_h) * (1 + n_dot_h);
+    const Real alpha_cos = alpha * n_dot_h;
+    const Real denominator = sin2 + alpha_cos * alpha_cos;
+    return alpha * alpha / (std::numbers::pi_v<Real> * denominator * denominator);
+}
+
+/// Smith's Lambda of GGX: masking of one direction is G1 = 1 / (1 + Lambda).
+///
+///     Lambda(w) = (sqrt(1 + alpha^2 tan^2) - 1) / 2,  tan of the angle between w and n
+///
+/// Defined for n_dot_w in (0, 1].  Source: [Heitz14] eq. 72.
+template <class Real>
+Real ggx_lambda(Real n_dot_w, Real alpha) {
+    // (sqrt(1 + x) - 1) / 2 as x / (2 (sqrt(1 + x) + 1)): no cancellation for a small alpha.
+    const Real x = alpha * alpha * (1 - n_dot_w) * (1 + n_dot_w) / (n_dot_w * n_dot_w);
+    return x / (2 * (std::sqrt(1 + x) + 1));
+}
+
+/// Joint visibility V = G2 / (4 n.l n.v), with G2 = 1 / (1 + Lambda(l) + Lambda(v)).
+///
+///     V = 1 / (2 (n.l s(n.v) + n.v s(n.l))),  s(c) = sqrt(alpha^2 + (1 - alpha^2) c^2)
+///
+/// Infinite only where n.l and n.v are both 0.  Source: [Heitz14] eq. 99, denominators multiplied
+/// out.
+template <class Real>
+Real smith_visibility(Real n_dot_l, Real n_dot_v, Real alpha) {
+    const Real alpha2 = alpha * alpha;
+    const Real s_v = std::sqrt(alpha2 + (1 - alpha2) * n_dot_v * n_dot_v);
+    const Real s_l = std::sqrt(alpha2 + (1 - alpha2) * n_dot_l * n_dot_l);
+    return 1 / (2 * (n_dot_l * s_v + n_dot_v * s_l));
+}
+
+/// (1 - v.h)^5: F = R0 + (1 - R0) * schlick_weight.  Source: [Schlick94] eq. 24.
+template <class Real>
+Real schlick_weight(Real v_dot_h) {
+    const Real m = 1 - v_dot_h;
+    const Real m2 = m * m;
+    return m2 * m2 * m;
+}
+
+/// Fresnel reflectance of one channel; r0 is the reflectance at normal incidence.
+template <class Real>
+Real schlick(Real r0, Real v_dot_h) {
+    return r0 + (1 - r0) * schlick_weight(v_dot_h);
+}
+
+/// How the texels of a BRDF table lie over (n.v, perceptual roughness r).
 enum class TableAxes {
-    SqrtEndPoints,  ///< coordinates sqrt(n.v), sqrt(r); texel i at i / (size - 1)
-    LinearCentres,  ///< coordinates n.v, r; texel i at (i + 1/2) / size
+    SqrtEndPoints,  ///< coordinates sqrt(n.v), sqrt(r); texel i at i / (size - 1). Metadata: "sqrt"
+    LinearCentres,  ///< coordinates n.v, r; texel i at (i + 1/2) / size. Metadata: "linear"
 };
+
+/// n.v or r at texel `index` of an axis with `size` texels.
+template <class Real>
+Real table_value(TableAxes axes, int index, int size) {
+    if (axes == TableAxes::LinearCentres) {
+        return (static_cast<Real>(index) + Real(0.5)) / static_cast<Real>(size);
+    }
+    const Real root = static_cast<Real>(index) / static_cast<Real>(size - 1);
+    return root * root;
+}
+
+/// The inverse: where `value` (in [0, 1]) lies between texels, in [0, size - 1]. Values beyond the
+/// centres of the first and the last texel take that texel.
+template <class Real>
+Real table_position(TableAxes axes, Real value, int size) {
+    const Real last = static_cast<Real>(size - 1);
+    const Real position = axes == TableAxes::LinearCentres
+                              ? value * static_cast<Real>(size) - Real(0.5)
+                              : std::sqrt(value) * last;
+    // Written so that a NaN takes the first texel.
+    return position > 0 ? (position < last ? position : last) : 0;
+}
 
 }  // namespace envbake::runtime
