@@ -23,8 +23,8 @@ struct LatLongGrid {
 };
 
 /// Six square faces +X -X +Y -Y +Z -Z in OpenGL/KTX orientation (runtime/cube.h). Texel (row,
-/// column) of a face covers edges[column] .. [column + 1] of the face coordinate u and edges[row] ..
-/// [row + 1] of v; both run from -1 to 1, v downwards in the image.
+/// column) of a face covers edges[column] .. [column + 1] of the face coordinate u and edges[row]
+/// .. [row + 1] of v; both run from -1 to 1, v downwards in the image.
 struct CubeGrid {
     int size = 0;
     std::vector<double> edges;  ///< size + 1
@@ -44,7 +44,8 @@ struct RadianceRepairs {
 struct Environment {
     std::string file_name;  ///< without folder
     std::variant<LatLongGrid, CubeGrid> grid;
-    std::vector<Vec3> radiance;  ///< linear Rec. 709, finite, >= 0; rows from the top, faces in order
+    std::vector<Vec3>
+        radiance;  ///< linear Rec. 709, finite, >= 0; rows from the top, faces in order
     RadianceRepairs repairs;
 };
 

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/input/image_worker/protocol.h"
+
+#include <cstddef>
+#include <functional>
+#include <span>
+#include <stdexcept>
+#include <vector>
+
+/// The decoders and encoders of the worker. They run in a process that may crash, so they check
+/// what lets them refuse early and leave the rest to the libraries.
+namespace envbake::worker {
+
+/// An image that is not read, with the reason for the user. Everything that a library throws counts
+/// as one as well.
+struct Refusal : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+using Bytes = std::span<const std::byte>;
+
+/// Makes room for the pixels of `reply.width` x `reply.height`, `bytes_per_texel` each, in the
+/// output.
+using AllocatePixels = std::function<std::byte*(std::size_t bytes_per_texel)>;
+
+/// Refuses images that are empty or larger than the limits of protocol.h.
+void check_size(std::int64_t width, std::int64_t height);
+
+/// Sets every field of `reply` that describes the image, then allocates and fills the pixels:
+/// linear RGB floats, rows from the top.
+void decode_exr(Bytes file, int threads, Reply& reply, const AllocatePixels& allocate);
+void decode_radiance(Bytes file, Reply& reply, const AllocatePixels& allocate);
+
+/// PNG and JPEG to 8-bit RGBA as stored: alpha not multiplied in, no colour conversion.
+void decode_rgba8(Bytes file, Reply& reply, const AllocatePixels& allocate);
+
+std::vector<unsigned char> encode_png(int width, int height, Bytes rgb);
+std::vector<unsigned char> encode_exr(int width, int height, Bytes rgb);
+
+inline bool starts_with(Bytes file, std::span<const unsigned char> magic) {
+    if (file.size() < magic.size()) return false;
+    for (std::size_t i = 0; i < magic.size(); ++i)
+        if (file[i] != std::byte{magic[i]}) return false;
+    return true;
+}
+
+inline constexpr std::array<unsigned char, 4> kExrMagic{0x76, 0x2f, 0x31, 0x01};
+inline constexpr std::array<unsigned char, 2> kRadianceMagic{'#', '?'};
+inline constexpr std::array<unsigned char, 8> kPngMagic{0x89, 'P',  'N',  'G',
+                                                        '\r', '\n', 0x1a, '\n'};
+inline constexpr std::array<unsigned char, 3> kJpegMagic{0xff, 0xd8, 0xff};
+
+}  // namespace envbake::worker

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/input/image_worker/codec.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace envbake::worker {
+namespace {
+
+/// What OpenImageIO says, or a plain word where it says nothing.
+std::string reason(const OIIO::ImageInput& input) {
+    const std::string text = input.geterror();
+    return text.empty() ? "damaged" : text;
+}
+
+/// Opens `file` with the decoder of one format: OpenImageIO's own guess goes by file name.
+/// `reader` must outlive the result.
+std::unique_ptr<OIIO::ImageInput> open(const char* format, OIIO::Filesystem::IOMemReader& reader,
+                                       OIIO::ImageSpec& spec) {
+    std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::create(format);
+    if (!input) throw Refusal(std::string("OpenImageIO lacks the format ") + format);
+    OIIO::Filesystem::IOProxy* proxy = &reader;
+    OIIO::ImageSpec config;
+    config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
+    config.attribute("oiio:UnassociatedAlpha", 1);
+    if (!input->open(std::string("image.") + format, spec, config)) throw Refusal(reason(*input));
+    return input;
+}
+
+OIIO::Filesystem::IOMemReader reader_of(Bytes file) {
+    return {file.data(), file.size()};
+}
+
+struct RadianceHeader {
+    int width = 0;
+    int height = 0;
+};
+
+/// Reads what OpenImageIO does not tell, or would pass over: orientation, colour space, and a size
+/// that the file cannot hold. Source: Ward, "Real Pixels", Graphics Gems II, 1991, and the file
+/// format page of the Radiance manual.
+RadianceHeader check_radiance_header(Bytes file) {
+    std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
+    const auto next_line = [&] {
+        const std::size_t end = text.find('\n');
+        if (end == std::string_view::npos || end > 4096) throw Refusal("its header has no end");
+        const std::string_view line = text.substr(0, end);
+        text.remove_prefix(end + 1);
+        return line;
+    };
+    for (std::string_view line = next_line(); !line.empty(); line = next_line()) {
+        if (line.starts_with("FORMAT=") && !line.starts_with("FORMAT=32-bit_rle_rgbe")) {
+            throw Refusal("pixels of " + std::string(line) + "; only 32-bit_rle_rgbe is read");
+        }
+    }
+    const std::string size(next_line());
+    RadianceHeader header;
+    char y_sign = 0, x_sign = 0, tail = 0;
+    const int fields = std::sscanf(size.c_str(), "%cY %d %cX %d%c", &y_sign, &header.height,
+                                   &x_sign, &header.width, &tail);
+    if (fields < 4 || (fields == 5 && tail != '\r')) {
+        throw Refusal("no resolution line such as -Y 512 +X 1024, but \"" + size.substr(0, 40) +
+                      "\"");
+    }
+    if (y_sign != '-' || x_sign != '+') {
+        throw Refusal("rows stored as \"" + size + "\"; only -Y +X, from the top left, is read");
+    }
+    check_size(header.width, header.height);
+
+    // The least that a scanline can take: flat, or run-length encoded with runs of 127.
+    const std::int64_t w = header.width;
+    const bool may_be_encoded = w >= 8 && w < 32768;
+    const std::int64_t least =
+        may_be_encoded ? std::min(4 * w, 4 + 4 * 2 * ((w + 126) / 127)) : 4 * w;
+    if (least * header.height > static_cast<std::int64_t>(text.size())) {
+        throw Refusal("the file is too short for the size it claims");
+    }
+    return header;
+}
+
+}  // namespace
+
+void decode_radiance(Bytes file, Reply& reply, const AllocatePixels& allocate) {
+    const RadianceHeader header = check_radiance_header(file);
+    OIIO::Filesystem::IOMemReader reader = reader_of(file);
+    OIIO::ImageSpec spec;
+    const auto input = open("hdr", reader, spec);
+    if (spec.width != header.width || spec.height != header.height || spec.nchannels != 3) {
+        throw Refusal("its header is ambiguous");
+    }
+    reply.width = spec.width;
+    reply.height = spec.height;
+    reply.data_window = reply.display_window = {0, 0, spec.width - 1, spec.height - 1};
+    float* const pixels = reinterpret_cast<float*>(allocate(3 * sizeof(float)));
+    constexpr int kBlock = 64;
+    for (int row = 0; row < spec.height; row += kBlock) {
+        float* const to =
+            pixels + 3 * static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(row);
+        if (!input->read_scanlines(0, 0, row, std::min(row + kBlock, spec.height), 0, 0, 3,
+                                   OIIO::TypeDesc::FLOAT, to)) {
+            throw Refusal(reason(*input));
+        }
+    }
+}
+
+void decode_rgba8(Bytes file, Reply& reply, const AllocatePixels& allocate) {
+    const bool png = starts_with(file, kPngMagic);
+    if (!png && !starts_with(file, kJpegMagic)) throw Refusal("neither PNG nor JPEG");
+    OIIO::Filesystem::IOMemReader reader = reader_of(file);
+    OIIO::ImageSpec spec;
+    const auto input = open(png ? "png" : "jpeg", reader, spec);
+    check_size(spec.width, spec.height);
+    if (spec.nchannels < 1 || spec.nchannels > 4) throw Refusal("not 1 to 4 channels");
+
+    // Deflate packs 1032 bytes into one at most, and a texel takes an eighth of a byte at least; a
+    // JPEG block of 8 x 8 takes a bit at least.
+    const std::int64_t densest = png ? 1032 * 8 : 64 * 8;
+    const std::int64_t texels = std::int64_t{spec.width} * spec.height;
+    if (texels / densest > static_cast<std::int64_t>(file.size())) {
+        throw Refusal("the file is too short for the size it claims");
+    }
+
+    reply.width = spec.width;
+    reply.height = spec.height;
+    reply.data_window = reply.display_window = {0, 0, spec.width - 1, spec.height - 1};
+    auto* const rgba = reinterpret_cast<unsigned char*>(allocate(4));
+    constexpr OIIO::stride_t kTexel = 4;
+    const OIIO::stride_t row_bytes = kTexel * spec.width;
+    // Interlaced PNGs only come whole; the others are no larger than the output either.
+    if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UINT8, rgba, kTexel,
+                           row_bytes)) {
+        throw Refusal(reason(*input));
+    }
+    const int channels = spec.nchannels;
+    if (channels == 4) return;
+    for (std::int64_t i = 0; i < texels; ++i) {
+        unsigned char* const p = rgba + 4 * i;
+        if (channels == 3) {
+            p[3] = 255;
+        } else {  // grey, or grey and alpha
+            p[3] = channels == 2 ? p[1] : 255;
+            p[1] = p[2] = p[0];
+        }
+    }
+}
+
+std::vector<unsigned char> encode_png(int width, int height, Bytes rgb) {
+    const auto output = OIIO::ImageOutput::create("png");
+    if (!output) throw Refusal("OpenImageIO lacks the format png");
+    OIIO::Filesystem::IOVecOutput writer;
+    OIIO::Filesystem::IOProxy* proxy = &writer;
+    OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
+    spec.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
+    if (!output->open("image.png", spec) ||
+        !output->write_image(OIIO::TypeDesc::UINT8, rgb.data()) || !output->close()) {
+        throw Refusal(output->geterror());
+    }
+    return writer.buffer();
+}
+
+}  // namespace envbake::worker

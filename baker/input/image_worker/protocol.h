@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+/// What the baker and `envbake-image-worker` say to each other.
+///
+/// They share one SOCK_SEQPACKET socket, so a message is a message: the baker sends a Request with
+/// two file descriptors (input, output) and gets one Reply. The worker forks for every request; the
+/// child alone touches the input, and may crash. Pixels never travel through the socket:
+///
+///     task         input                           output
+///     DecodeFloat  the image file                  a memory file, left with 3 floats a texel
+///     DecodeRgba8  the image file                  a memory file, left with 4 bytes a texel
+///     EncodePng    3 bytes a texel                 the file to write
+///     EncodeExr    3 floats a texel                the file to write
+///
+/// Both ends are built together and run on one machine: structs go as they lie in memory.
+namespace envbake::worker {
+
+inline constexpr std::uint32_t kMagic = 0x31574245;  ///< "EBW1"
+inline constexpr int kSocket = 3;                    ///< the worker's end, as inherited
+
+/// Larger images are refused before anything is allocated for them.
+inline constexpr int kMaxEdge = 1 << 16;
+inline constexpr std::int64_t kMaxTexels = std::int64_t{1} << 28;
+
+enum class Task : std::uint32_t { DecodeFloat, DecodeRgba8, EncodePng, EncodeExr };
+
+struct Request {
+    std::uint32_t magic = kMagic;
+    Task task = Task::DecodeFloat;
+    std::int32_t width = 0;   ///< Encode only
+    std::int32_t height = 0;  ///< Encode only
+    std::int32_t threads = 1;
+    std::int32_t milliseconds = 0;  ///< wall time that the child may take
+};
+
+enum class Outcome : std::uint32_t {
+    Crashed,   ///< by a signal, or with a status of its own: `message` is empty
+    TimedOut,  ///< `milliseconds` have passed
+    Refused,   ///< `message` says why
+    Done,
+};
+
+enum class Projection : std::uint32_t { Plain, EnvmapLatLong, EnvmapCube };
+
+struct Reply {
+    std::uint32_t magic = kMagic;
+    Outcome outcome = Outcome::Crashed;
+    std::int32_t width = 0;
+    std::int32_t height = 0;
+    Projection projection = Projection::Plain;
+    std::uint32_t has_chromaticities = 0;
+    std::array<std::int32_t, 4> data_window{};     ///< min x, min y, max x, max y, inclusive
+    std::array<std::int32_t, 4> display_window{};  ///< likewise
+    std::array<float, 8> chromaticities{};         ///< x, y of red, green, blue, white
+    std::array<char, 200> message{};               ///< ends in 0
+};
+
+}  // namespace envbake::worker
