@@ -131,12 +131,12 @@ Expected<void> Reader::check() const noexcept {
     if (load<std::uint64_t>(base_ + kFileSizeAt) != size_)
         return Error::at(Errc::FileSize, kFileSizeAt);
 
-    const auto table_offset = load<std::uint64_t>(base_ + kTableOffsetAt);
+    const auto table_at = load<std::uint64_t>(base_ + kTableOffsetAt);
     const auto table_size = load<std::uint64_t>(base_ + kTableSizeAt);
-    if (table_offset < kHeaderSize || table_offset > size_ || table_offset % kAlignment != 0 ||
-        table_size != size_ - table_offset || table_size / kEntrySize < array_count())
+    if (table_at < kHeaderSize || table_at > size_ || table_at % kAlignment != 0 ||
+        table_size != size_ - table_at || table_size / kEntrySize < array_count())
         return Error::at(Errc::TableBounds, kTableOffsetAt);
-    const std::byte* table = base_ + table_offset;
+    const std::byte* table = base_ + table_at;
     if (checksums_available() && checksum({table, static_cast<std::size_t>(table_size)}) !=
                                      load<std::uint64_t>(base_ + kTableChecksumAt))
         return Error::at(Errc::TableChecksum, kTableChecksumAt);
@@ -144,8 +144,8 @@ Expected<void> Reader::check() const noexcept {
     std::string_view previous;
     for (std::size_t i = 0; i < array_count(); ++i) {
         const ArrayInfo info = array(i);
-        const Errc fault = judge_entry(table + i * kEntrySize, info, table_offset);
-        const std::uint64_t at = table_offset + i * kEntrySize;
+        const Errc fault = judge_entry(table + i * kEntrySize, info, table_at);
+        const std::uint64_t at = table_at + i * kEntrySize;
         if (fault == Errc::EntryName) return Error::at(fault, at);
         if (fault != Errc::None) return Error::at(fault, at, info.name);
         if (i > 0 && info.name <= previous) return Error::at(Errc::NameOrder, at, info.name);
@@ -165,9 +165,12 @@ std::size_t Reader::array_count() const noexcept {
     return load<std::uint32_t>(base_ + header_field::kArrayCountAt);
 }
 
+std::uint64_t Reader::table_offset() const noexcept {
+    return load<std::uint64_t>(base_ + header_field::kTableOffsetAt);
+}
+
 ArrayInfo Reader::array(std::size_t i) const noexcept {
-    const auto table_offset = load<std::uint64_t>(base_ + header_field::kTableOffsetAt);
-    return decode_entry(base_ + table_offset, size_ - table_offset, i);
+    return decode_entry(base_ + table_offset(), size_ - table_offset(), i);
 }
 
 std::optional<ArrayInfo> Reader::find(std::string_view name) const noexcept {

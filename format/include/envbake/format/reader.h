@@ -43,6 +43,8 @@ class Reader {
     std::span<const std::byte> file() const noexcept { return {base_, size_}; }
 
     std::size_t array_count() const noexcept;
+    /// Where the table begins, and the arrays have ended.
+    std::uint64_t table_offset() const noexcept;
     /// Arrays in ascending order of their names; i < array_count().
     ArrayInfo array(std::size_t i) const noexcept;
     std::optional<ArrayInfo> find(std::string_view name) const noexcept;

@@ -93,6 +93,8 @@ class [[nodiscard]] Result<void, E> {
     decl = *std::move(ENVBAKE_CONCAT(envbake_try_, __LINE__))
 
 /// Returns the error of a Result<void, E> to the caller, if it holds one.
-#define ENVBAKE_TRY_VOID(...)                                     \
-    if (auto envbake_try_void = (__VA_ARGS__); !envbake_try_void) \
-    return std::move(envbake_try_void).error()
+#define ENVBAKE_TRY_VOID(...)                                         \
+    do {                                                              \
+        if (auto envbake_try_void = (__VA_ARGS__); !envbake_try_void) \
+            return std::move(envbake_try_void).error();               \
+    } while (false)

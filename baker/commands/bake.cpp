@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/pipeline/bake.h"
+#include "baker/commands/command.h"
+#include "baker/commands/progress_printer.h"
+#include "baker/commands/request_options.h"
+#include "baker/core/parallel.h"
+#include "baker/core/text.h"
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <ostream>
+
+namespace envbake {
+
+namespace {
+
+struct BakeOptions {
+    BakeRequest request;
+    bool force = false;
+    bool quiet = false;
+    bool verbose = false;
+    int threads = 0;
+};
+
+/// What was repaired or passed over: usable results, but not quite as asked.
+void print_notes(const BakeInputs& inputs, std::ostream& err) {
+    if (inputs.environment && inputs.environment->repairs.total() > 0) {
+        const RadianceRepairs& r = inputs.environment->repairs;
+        err << "envbake: " << inputs.environment->file_name << ": repaired "
+            << format_count(r.nan_count) << " NaN, " << format_count(r.infinite_count)
+            << " infinite and " << format_count(r.negative_count)
+            << " negative values (--strict refuses them)\n";
+    }
+    if (inputs.scene)
+        for (const std::string& note : inputs.scene->notes)
+            err << "envbake: " << inputs.scene->file_name << ": " << note << '\n';
+}
+
+Expected<void> bake(const BakeOptions& options, std::ostream& err) {
+    const BakeRequest& request = options.request;
+    if (!options.force && is_up_to_date(request)) {
+        if (!options.quiet) err << "envbake: " << request.output.string() << " is up to date\n";
+        return {};
+    }
+    const ThreadLimit limit(options.threads);
+    Progress progress;
+    std::optional<ProgressPrinter> printer;
+    if (!options.quiet) printer.emplace(progress, err);
+    ENVBAKE_TRY(const BakeInputs inputs, load_inputs(request));
+    ENVBAKE_TRY(const BakePlan plan, make_plan(request, inputs.facts));
+    ENVBAKE_TRY_VOID(run_plan(request, inputs, plan, progress));
+    printer.reset();
+    if (!options.quiet) print_notes(inputs, err);
+    if (options.verbose)
+        for (const PlannedStage& stage : plan.stages)
+            err << "envbake: " << (stage.job ? "baked " : "skipped ") << stage.output << ": "
+                << stage.reason << '\n';
+    return {};
+}
+
+}  // namespace
+
+RunCommand declare_bake(CLI::App& app) {
+    const auto options = std::make_shared<BakeOptions>();
+    declare_request(app, options->request);
+    app.add_option("-o,--output", options->request.output, "Bundle to write (.envb)")->required();
+    app.add_flag("--force", options->force, "Bake even if the bundle is up to date");
+    app.add_option("--threads", options->threads, "Threads; 0 uses every core")
+        ->capture_default_str()
+        ->check(CLI::Range(0, 4096));
+    app.add_flag("-q,--quiet", options->quiet, "Print nothing but errors");
+    app.add_flag("-v,--verbose", options->verbose, "Say what each stage was baked or skipped for");
+    app.footer(
+        "Example:\n"
+        "  envbake bake scene.glb --env sky.hdr -o scene.envb --preset reference");
+    return [options](std::ostream&, std::ostream& err) {
+        const auto done = bake(*options, err);
+        return done ? ExitCode::Done : report(done.error(), err);
+    };
+}
+
+}  // namespace envbake

@@ -1,0 +1,369 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/pipeline/array_values.h"
+#include "baker/commands/command.h"
+#include "baker/core/text.h"
+#include "baker/pipeline/metadata.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <ostream>
+
+namespace envbake {
+
+namespace {
+
+struct DumpOptions {
+    std::filesystem::path bundle;
+    bool json = false;
+};
+
+struct DumpedArray {
+    format::ArrayInfo info;
+    ArrayStatistics statistics;
+    bool intact = true;
+};
+
+/// Arrays whose names differ in one number only, shown as one line: mesh/0..12/diffuse.
+struct Group {
+    std::string prefix, suffix;  ///< around the number; no number: suffix is empty
+    int first = -1, last = -1;
+    std::vector<const DumpedArray*> arrays;
+};
+
+struct SplitName {
+    std::string prefix, suffix;
+    int number = -1;
+};
+
+SplitName split_at_number(std::string_view name) {
+    std::size_t begin = 0;
+    while (begin <= name.size()) {
+        const std::size_t end = std::min(name.find('/', begin), name.size());
+        const std::string_view part = name.substr(begin, end - begin);
+        if (!part.empty() && part.size() < 9 &&
+            std::all_of(part.begin(), part.end(), [](char c) { return c >= '0' && c <= '9'; }))
+            return {std::string(name.substr(0, begin)), std::string(name.substr(end)),
+                    std::stoi(std::string(part))};
+        begin = end + 1;
+    }
+    return {std::string(name), "", -1};
+}
+
+std::vector<Group> group(const std::vector<DumpedArray>& arrays) {
+    std::vector<Group> groups;
+    for (const DumpedArray& array : arrays) {
+        const SplitName name = split_at_number(array.info.name);
+        const auto same_kind = [&](const Group& g) {
+            return name.number >= 0 && g.prefix == name.prefix && g.suffix == name.suffix &&
+                   g.last + 1 == name.number && g.arrays[0]->info.type == array.info.type &&
+                   g.arrays[0]->info.rank == array.info.rank;
+        };
+        const auto found = std::find_if(groups.begin(), groups.end(), same_kind);
+        if (found == groups.end()) {
+            groups.push_back({name.prefix, name.suffix, name.number, name.number, {&array}});
+        } else {
+            found->last = name.number;
+            found->arrays.push_back(&array);
+        }
+    }
+    return groups;
+}
+
+std::string name_of(const Group& g) {
+    if (g.first < 0) return g.prefix;
+    if (g.first == g.last) return concat(g.prefix, g.first, g.suffix);
+    return concat(g.prefix, g.first, "..", g.last, g.suffix);
+}
+
+/// Vertices add up over meshes; other axes show their range.
+std::string shape_of(const Group& g) {
+    std::string text;
+    for (std::size_t axis = 0; axis < g.arrays[0]->info.rank; ++axis) {
+        const std::uint64_t first = g.arrays.front()->info.shape[axis];
+        const std::uint64_t last = g.arrays.back()->info.shape[axis];
+        std::uint64_t sum = 0;
+        for (const DumpedArray* array : g.arrays) sum += array->info.shape[axis];
+        if (!text.empty()) text += " x ";
+        if (axis == 0 && g.prefix == "mesh/")
+            text += format_count(sum);
+        else
+            text += first == last ? format_count(first) : concat(first, "..", last);
+    }
+    return text;
+}
+
+std::string error_of(const Group& g, const Json& errors) {
+    std::optional<double> worst;
+    for (const DumpedArray* array : g.arrays) {
+        const auto found = errors.find(std::string(array->info.name));
+        if (found == errors.end() || !found->is_object()) continue;
+        const auto value = found->find("error");
+        if (value == found->end() || !value->is_number()) continue;
+        worst = std::max(worst.value_or(0), value->get<double>());
+    }
+    return worst ? format_number(*worst) : "";
+}
+
+struct Row {
+    std::string name, shape, bytes, as, range, error;
+};
+
+void print_table(const std::vector<Row>& rows, std::ostream& out) {
+    const auto width = [&](std::string Row::*column) {
+        std::size_t widest = 0;
+        for (const Row& row : rows) widest = std::max(widest, (row.*column).size());
+        return widest;
+    };
+    const std::size_t name = width(&Row::name), shape = width(&Row::shape),
+                      bytes = width(&Row::bytes), as = width(&Row::as), range = width(&Row::range);
+    const auto padded = [](const std::string& text, std::size_t size) {
+        return text + std::string(size - text.size(), ' ');
+    };
+    for (const Row& row : rows) {
+        std::string line = padded(row.name, name) + "   " + padded(row.shape, shape) + "   " +
+                           std::string(bytes - row.bytes.size(), ' ') + row.bytes + "   " +
+                           padded(row.as, as) + "   " + padded(row.range, range) + "   " +
+                           row.error;
+        line.erase(line.find_last_not_of(' ') + 1);
+        out << line << '\n';
+    }
+}
+
+void print_arrays(const std::vector<DumpedArray>& arrays, const Json& errors, std::ostream& out) {
+    std::vector<Row> rows{{"array", "shape", "bytes", "as", "range", "error"}};
+    for (const Group& g : group(arrays)) {
+        std::uint64_t bytes = 0;
+        double low = INFINITY, high = -INFINITY;
+        for (const DumpedArray* array : g.arrays) {
+            bytes += array->info.stored_size;
+            low = std::min(low, array->statistics.min);
+            high = std::max(high, array->statistics.max);
+        }
+        const format::ArrayInfo& info = g.arrays[0]->info;
+        std::string as(format::to_string(info.type));
+        if (info.codec != format::Codec::None) as += concat("+", format::to_string(info.codec));
+        std::string range = concat(format_number(low), " .. ", format_number(high));
+        if (info.name == format::kMetadataName) {
+            as = "json";
+            range.clear();
+        }
+        rows.push_back(
+            {name_of(g), shape_of(g), format_bytes(bytes), as, range, error_of(g, errors)});
+    }
+    print_table(rows, out);
+}
+
+std::string percent(double fraction) {
+    return format_number(100 * fraction) + " %";
+}
+
+/// Sums of the reports of all meshes.
+struct TransportTotals {
+    std::uint64_t vertices = 0, triangles = 0, rays = 0, without_rays = 0, baked = 0;
+    double squared_error = 0, p999 = 0;
+};
+
+TransportTotals transport_totals(const Json& metadata) {
+    TransportTotals t;
+    for (const Json& mesh : metadata.value("meshes", Json::array())) {
+        const auto count = mesh.at("vertex_count").get<std::uint64_t>();
+        t.vertices += count;
+        t.triangles += mesh.at("triangle_count").get<std::uint64_t>();
+        if (!mesh.contains("diffuse")) continue;
+        const Json& diffuse = mesh["diffuse"];
+        t.baked += count;
+        t.rays += diffuse.at("rays").get<std::uint64_t>();
+        t.without_rays += count - diffuse.at("traced").get<std::uint64_t>();
+        const double rms = diffuse.at("error_rms");
+        t.squared_error += rms * rms * static_cast<double>(count);
+        t.p999 = std::max(t.p999, diffuse.at("error_p999").get<double>());
+    }
+    return t;
+}
+
+double worst_mip_error(const Json& errors) {
+    double worst = 0;
+    for (const auto& [name, error] : errors.items())
+        if (name.rfind("environment/mips/", 0) == 0)
+            worst = std::max(worst, error.at("error").get<double>());
+    return worst;
+}
+
+void print_inputs(const Json& metadata, std::ostream& out) {
+    const char* label = "from           ";
+    const TransportTotals totals = transport_totals(metadata);
+    for (const Json& input : metadata.at("inputs")) {
+        const std::string role = input.at("role");
+        out << label << input.at("name").get<std::string>() << "  "
+            << input.at("xxh3").get<std::string>();
+        label = "               ";
+        if (role == "scene")
+            out << "  " << format_count(totals.vertices) << " vertices, "
+                << format_count(totals.triangles) << " triangles, "
+                << metadata.at("scene").at("materials") << " materials";
+        if (role == "environment") {
+            const Json& environment = metadata.at("environment");
+            if (environment.contains("width"))
+                out << "  " << environment.at("width") << " x " << environment.at("height");
+            else
+                out << "  cube of " << environment.at("face_size") << " x "
+                    << environment.at("face_size");
+            out << ", mean " << format_number(environment.at("mean")) << ", peak "
+                << format_number(environment.at("peak"));
+            std::uint64_t repaired = 0;
+            for (const auto& [kind, count] : environment.at("repaired").items())
+                repaired += count.get<std::uint64_t>();
+            if (repaired > 0) out << ", " << format_count(repaired) << " values repaired";
+        }
+        out << '\n';
+    }
+}
+
+void print_errors(const Json& metadata, std::ostream& out) {
+    const Json& options = metadata.at("options");
+    out << "asked          error " << format_number(options.at("tolerance")) << ", "
+        << options.at("bands") << " bands\n";
+    const TransportTotals t = transport_totals(metadata);
+    const double mips = worst_mip_error(metadata.at("arrays"));
+    std::string got;
+    if (t.baked > 0)
+        got =
+            concat("transport ", percent(std::sqrt(t.squared_error / static_cast<double>(t.baked))),
+                   " rms, ", percent(t.p999), " at the 99.9th percentile");
+    if (mips > 0)
+        got += concat(got.empty() ? "" : ";  ", "mips ", percent(mips), " in the worst texel");
+    if (!got.empty()) out << "got            " << got << '\n';
+    if (t.baked > 0)
+        out << "               "
+            << format_number(static_cast<double>(t.rays) / static_cast<double>(t.baked))
+            << " rays a vertex; "
+            << percent(static_cast<double>(t.without_rays) / static_cast<double>(t.baked))
+            << " of the vertices needed none\n";
+}
+
+/// Skipped stages, those with the same reason on one line.
+void print_skipped(const Json& metadata, std::ostream& out) {
+    std::vector<std::pair<std::string, std::vector<std::string>>> by_reason;
+    for (const Json& stage : metadata.at("plan")) {
+        if (stage.at("decision") != "skip") continue;
+        const SplitName name = split_at_number(stage.at("output").get<std::string>());
+        const std::string reason =
+            concat(name.prefix, "*", name.suffix, "\n", stage.at("reason").get<std::string>());
+        auto found = std::find_if(by_reason.begin(), by_reason.end(),
+                                  [&](const auto& entry) { return entry.first == reason; });
+        if (found == by_reason.end()) found = by_reason.insert(found, {reason, {}});
+        found->second.push_back(stage.at("output"));
+    }
+    if (by_reason.empty()) return;
+    out << "\nskipped\n";
+    std::vector<std::pair<std::string, std::string>> lines;
+    std::size_t width = 0;
+    for (const auto& [reason, outputs] : by_reason) {
+        std::string label = outputs.front();
+        if (outputs.size() > 1) label = concat(label, " and ", outputs.size() - 1, " more");
+        width = std::max(width, label.size());
+        lines.emplace_back(label, reason.substr(reason.find('\n') + 1));
+    }
+    for (const auto& [label, reason] : lines)
+        out << label << std::string(width - label.size() + 3, ' ') << reason << '\n';
+}
+
+void print_notes(const Json& metadata, std::ostream& out) {
+    const Json notes = metadata.value("scene", Json::object()).value("notes", Json::array());
+    if (notes.empty()) return;
+    out << "\nnotes\n";
+    for (const Json& note : notes) out << note.get<std::string>() << '\n';
+}
+
+void print_text(const std::filesystem::path& file, const format::Reader& reader,
+                const std::vector<DumpedArray>& arrays, const Json& metadata, std::ostream& out) {
+    const auto damaged =
+        std::find_if(arrays.begin(), arrays.end(), [](const DumpedArray& a) { return !a.intact; });
+    out << file.filename().string() << "    envbake bundle " << reader.major() << '.'
+        << reader.minor() << ", " << format_bytes(reader.file().size()) << ", " << arrays.size()
+        << " arrays, "
+        << (damaged == arrays.end() ? std::string("intact")
+                                    : concat("DAMAGED: ", damaged->info.name))
+        << '\n';
+    try {
+        print_inputs(metadata, out);
+        print_errors(metadata, out);
+    } catch (const Json::exception&) {
+        out << "               (metadata of another tool: see --json)\n";
+    }
+    out << '\n';
+    print_arrays(arrays,
+                 metadata.is_object() ? metadata.value("arrays", Json::object()) : Json::object(),
+                 out);
+    try {
+        print_skipped(metadata, out);
+        print_notes(metadata, out);
+    } catch (const Json::exception&) {
+        out << "(no plan in the metadata)\n";
+    }
+}
+
+Json dump_json(const format::Reader& reader, const std::vector<DumpedArray>& arrays,
+               const Json& metadata) {
+    Json list = Json::array();
+    for (const DumpedArray& array : arrays) {
+        const format::ArrayInfo& info = array.info;
+        list.push_back({{"name", info.name},
+                        {"type", format::to_string(info.type)},
+                        {"shape", std::vector(info.shape.begin(), info.shape.begin() + info.rank)},
+                        {"codec", format::to_string(info.codec)},
+                        {"offset", info.offset},
+                        {"stored_bytes", info.stored_size},
+                        {"bytes", info.size},
+                        {"min", array.statistics.min},
+                        {"max", array.statistics.max},
+                        {"mean", array.statistics.mean},
+                        {"non_finite", array.statistics.non_finite_count},
+                        {"intact", array.intact}});
+    }
+    return {{"format", concat(reader.major(), ".", reader.minor())},
+            {"bytes", reader.file().size()},
+            {"arrays", std::move(list)},
+            {"metadata", metadata}};
+}
+
+Expected<ExitCode> dump(const DumpOptions& options, std::ostream& out) {
+    ENVBAKE_TRY(const format::Reader reader, open_bundle(options.bundle));
+    std::vector<DumpedArray> arrays;
+    bool intact = true;
+    for (std::size_t i = 0; i < reader.array_count(); ++i) {
+        DumpedArray array{reader.array(i), {}, true};
+        const auto values = read_values(reader, array.info);
+        array.intact = values.has_value() && reader.verify(array.info).has_value();
+        if (values) array.statistics = statistics(*values);
+        intact = intact && array.intact;
+        arrays.push_back(array);
+    }
+    std::stable_sort(arrays.begin(), arrays.end(), [](const DumpedArray& a, const DumpedArray& b) {
+        return natural_less(a.info.name, b.info.name);
+    });
+    const Json metadata = Json::parse(reader.metadata(), nullptr, /*allow_exceptions=*/false);
+    if (options.json)
+        out << dump_json(reader, arrays, metadata.is_discarded() ? Json() : metadata).dump(2)
+            << '\n';
+    else
+        print_text(options.bundle, reader, arrays, metadata, out);
+    return intact ? ExitCode::Done : ExitCode::InvalidBundle;
+}
+
+}  // namespace
+
+RunCommand declare_dump(CLI::App& app) {
+    const auto options = std::make_shared<DumpOptions>();
+    app.add_option("bundle", options->bundle, "Bundle to describe (.envb)")->required();
+    app.add_flag("--json", options->json, "Machine-readable output");
+    return [options](std::ostream& out, std::ostream& err) {
+        const auto done = dump(*options, out);
+        return done ? *done : report(done.error(), err);
+    };
+}
+
+}  // namespace envbake

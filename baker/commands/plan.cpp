@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/commands/command.h"
+#include "baker/commands/request_options.h"
+#include "baker/core/text.h"
+#include "baker/pipeline/bake.h"
+#include "baker/pipeline/metadata.h"
+
+#include "envbake/format/reader.h"
+
+#include <algorithm>
+#include <memory>
+#include <ostream>
+
+namespace envbake {
+
+namespace {
+
+struct PlanOptions {
+    BakeRequest request;
+    bool json = false;
+};
+
+void print_stages(const Json& stages, std::ostream& out) {
+    std::size_t width = 0;
+    for (const Json& stage : stages)
+        width = std::max(width, stage.at("output").get<std::string>().size());
+    for (const Json& stage : stages) {
+        const std::string output = stage.at("output"), decision = stage.at("decision"),
+                          reason = stage.at("reason");
+        out << decision << "   " << output << std::string(width - output.size() + 3, ' ') << reason
+            << '\n';
+    }
+}
+
+Expected<void> print_new_plan(const PlanOptions& options, std::ostream& out) {
+    ENVBAKE_TRY(const BakeInputs inputs, load_inputs(options.request));
+    ENVBAKE_TRY(const BakePlan plan, make_plan(options.request, inputs.facts));
+    if (options.json) {
+        const Json json = {{"up_to_date", false},
+                           {"stages", plan_json(plan)},
+                           {"expected_rays", plan.ray_count},
+                           {"expected_bytes", plan.output_bytes}};
+        out << json.dump(2) << '\n';
+        return {};
+    }
+    print_stages(plan_json(plan), out);
+    out << "\ncost   " << format_count(plan.ray_count) << " rays, "
+        << format_bytes(plan.output_bytes) << " of arrays before compression\n";
+    return {};
+}
+
+/// The plan that stands in an up-to-date bundle: no input is opened for it.
+Expected<void> print_stored_plan(const PlanOptions& options, std::ostream& out) {
+    const auto reader = format::Reader::open(options.request.output.c_str());
+    const Json metadata = reader ? Json::parse(reader->metadata(), nullptr, false) : Json();
+    if (!metadata.is_object() || !metadata.contains("plan"))
+        return Error{Errc::InvalidBundle,
+                     concat(options.request.output.string(), ": holds no plan")};
+    if (options.json) {
+        out << Json{{"up_to_date", true}, {"stages", metadata["plan"]}}.dump(2) << '\n';
+        return {};
+    }
+    out << options.request.output.string()
+        << " is up to date: nothing to bake. It was baked so:\n\n";
+    print_stages(metadata["plan"], out);
+    return {};
+}
+
+}  // namespace
+
+RunCommand declare_plan(CLI::App& app) {
+    const auto options = std::make_shared<PlanOptions>();
+    declare_request(app, options->request);
+    app.add_option("-o,--output", options->request.output,
+                   "Bundle that would be written; if it is up to date, its own plan is printed");
+    app.add_flag("--json", options->json, "Machine-readable output");
+    return [options](std::ostream& out, std::ostream& err) {
+        const bool stored = !options->request.output.empty() && is_up_to_date(options->request);
+        const auto done = stored ? print_stored_plan(*options, out) : print_new_plan(*options, out);
+        return done ? ExitCode::Done : report(done.error(), err);
+    };
+}
+
+}  // namespace envbake

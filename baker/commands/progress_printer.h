@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/core/progress.h"
+
+#include <iosfwd>
+#include <memory>
+
+namespace envbake {
+
+/// Watches a Progress while it lives and prints to `err`: on a terminal a bar with rate and time
+/// left, four times a second; elsewhere a line every ten seconds.
+class ProgressPrinter {
+  public:
+    ProgressPrinter(const Progress& progress, std::ostream& err);
+    ~ProgressPrinter();
+
+  private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+}  // namespace envbake

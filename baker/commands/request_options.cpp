@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/commands/request_options.h"
+
+#include <map>
+#include <string>
+
+namespace envbake {
+
+void declare_request(CLI::App& app, BakeRequest& request) {
+    app.add_option("scene", request.scene,
+                   "glTF scene (.glb, .gltf); without one, only lighting is baked");
+    app.add_option("--env", request.environment,
+                   "Environment image (.hdr, .exr); without one, only transport is baked");
+
+    app.add_option("--tolerance", request.tolerance,
+                   "Relative error of transport (rms over vertices) and of mips (worst texel)")
+        ->capture_default_str();
+    app.add_option_function<std::string>(
+           "--preset",
+           [&request](const std::string& name) {
+               request.tolerance = name == "preview" ? 3e-2 : name == "standard" ? 1e-2 : 1e-3;
+           },
+           "Tolerance by name: preview 3e-2, standard 1e-2, reference 1e-3")
+        ->check(CLI::IsMember({"preview", "standard", "reference"}))
+        ->excludes("--tolerance");
+    app.add_option("--bands", request.bands, "SH bands, 1 to 10; n bands are n*n coefficients")
+        ->capture_default_str();
+    app.add_option("--mip-size", request.mip_size, "Face edge of specular mip 0, texels")
+        ->capture_default_str();
+    app.add_option("--mip-count", request.mip_count,
+                   "Specular mips; mip k of n holds roughness k/(n-1)")
+        ->capture_default_str();
+    app.add_option("--table-size", request.table_size, "Texels along each axis of the BRDF table")
+        ->capture_default_str();
+    app.add_option("--table-axes", request.table_axes,
+                   "sqrt: sqrt(n.v), sqrt(r), end points stored; linear: n.v, r, texel centres")
+        ->transform(CLI::CheckedTransformer(std::map<std::string, runtime::TableAxes>{
+            {"sqrt", runtime::TableAxes::SqrtEndPoints},
+            {"linear", runtime::TableAxes::LinearCentres}}))
+        ->default_str("sqrt");
+    app.add_flag("--unshadowed", request.unshadowed,
+                 "Also bake mesh/I/unshadowed: transport without occlusion, analytic");
+    app.add_flag("--area-normals", request.area_weighted_normals,
+                 "Where the file has no normals, weight faces by area instead of by angle");
+    app.add_flag("--strict", request.strict,
+                 "Refuse environments with NaN, infinite or negative texels");
+    app.add_flag("--compress", request.compress, "Store mips and transport compressed with zstd");
+
+    app.add_option("--rays", request.rays_per_vertex,
+                   "Expert: rays per vertex; 0 lets the tolerance decide")
+        ->capture_default_str()
+        ->group("Expert options");
+    app.add_option("--seed", request.seed, "Expert: seed of the random turns")
+        ->capture_default_str()
+        ->group("Expert options");
+}
+
+}  // namespace envbake

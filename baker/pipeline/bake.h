@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/core/error.h"
+#include "baker/core/progress.h"
+#include "baker/input/environment.h"
+#include "baker/input/scene.h"
+#include "baker/pipeline/file_hash.h"
+#include "baker/plan/plan.h"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace envbake {
+
+/// One file that the bake read.
+struct InputFile {
+    std::string role;  ///< "scene", "environment", or "resource" of the scene
+    std::string name;  ///< file name; of a resource: the path relative to the scene's folder
+    FileHash hash;
+};
+
+struct BakeInputs {
+    std::optional<Environment> environment;
+    std::optional<Scene> scene;
+    std::vector<InputFile> files;
+    BakeFacts facts;
+};
+
+/// Reads the request's files and collects the facts the plan needs. No ray is cast.
+Expected<BakeInputs> load_inputs(const BakeRequest& request);
+
+/// Runs the plan and writes the bundle. Nothing stands under request.output until it is whole.
+///
+/// Errors:  Failed  the output cannot be written, or a stage ran out of memory
+Expected<void> run_plan(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
+                        Progress& progress);
+
+/// True where request.output is a bundle that the same tool made from the same inputs and options.
+/// Reads headers and hashes files; opens no image and no scene.
+bool is_up_to_date(const BakeRequest& request);
+
+}  // namespace envbake

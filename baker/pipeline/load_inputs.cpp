@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/input/image_worker.h"
+#include "baker/input/read_environment.h"
+#include "baker/input/read_scene.h"
+#include "baker/pipeline/bake.h"
+#include "baker/transport/free_vertices.h"
+
+namespace envbake {
+
+namespace {
+
+Expected<void> add_file(std::vector<InputFile>& files, std::string role, std::string name,
+                        const std::filesystem::path& path) {
+    ENVBAKE_TRY(FileHash hash, hash_file(path));
+    files.push_back({std::move(role), std::move(name), std::move(hash)});
+    return {};
+}
+
+std::vector<MeshFacts> collect_mesh_facts(const Scene& scene) {
+    std::vector<MeshFacts> facts;
+    const std::vector<std::uint64_t> free_counts = count_free_vertices(scene);
+    for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+        const Mesh& mesh = scene.meshes[i];
+        facts.push_back({mesh.vertex_count(), mesh.triangle_count(), free_counts[i],
+                         static_cast<std::size_t>(mesh.material)});
+    }
+    return facts;
+}
+
+}  // namespace
+
+Expected<BakeInputs> load_inputs(const BakeRequest& request) {
+    BakeInputs inputs;
+    if (!request.environment.empty()) start_image_worker();
+    if (!request.scene.empty()) {
+        ReadSceneOptions options;
+        if (request.area_weighted_normals) options.computed_normals = NormalWeighting::Area;
+        ENVBAKE_TRY(inputs.scene, read_scene(request.scene, options));
+        const auto folder = request.scene.parent_path();
+        for (const auto& path : inputs.scene->files_read) {
+            const bool first = inputs.files.empty();
+            const auto name = first ? path.filename() : path.lexically_relative(folder);
+            ENVBAKE_TRY_VOID(
+                add_file(inputs.files, first ? "scene" : "resource", name.generic_string(), path));
+        }
+        inputs.facts.has_scene = true;
+        inputs.facts.materials = collect_material_facts(*inputs.scene);
+        inputs.facts.meshes = collect_mesh_facts(*inputs.scene);
+    }
+    if (!request.environment.empty()) {
+        ENVBAKE_TRY(inputs.environment,
+                    read_environment(request.environment, {.strict = request.strict}));
+        ENVBAKE_TRY_VOID(add_file(inputs.files, "environment",
+                                  request.environment.filename().string(), request.environment));
+        inputs.facts.environment = collect_facts(*inputs.environment);
+    }
+    return inputs;
+}
+
+}  // namespace envbake

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/pipeline/metadata.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace envbake {
+
+namespace {
+
+/// Three significant digits: errors and statistics are estimates, and read better so.
+double rounded(double value) {
+    if (value == 0 || !std::isfinite(value)) return value;
+    const double scale = std::pow(10.0, 2 - std::floor(std::log10(std::abs(value))));
+    return std::round(value * scale) / scale;
+}
+
+const char* axes_name(runtime::TableAxes axes) {
+    return axes == runtime::TableAxes::SqrtEndPoints ? "sqrt" : "linear";
+}
+
+const char* axes_in_words(runtime::TableAxes axes) {
+    return axes == runtime::TableAxes::SqrtEndPoints
+               ? "texel (i, j) of n holds roughness (i / (n - 1))^2 and n.v (j / (n - 1))^2"
+               : "texel (i, j) of n holds roughness (i + 1/2) / n and n.v (j + 1/2) / n";
+}
+
+Json conventions() {
+    return {
+        {"space", "glTF world space: right-handed, +Y up, metres"},
+        {"radiance", "linear, scene-referred, Rec. 709 primaries, not tone-mapped, not clamped"},
+        {"cube_faces", "+X -X +Y -Y +Z -Z, OpenGL/KTX orientation, rows from the top"},
+        {"sh",
+         "real, orthonormal, no Condon-Shortley phase, polar axis +Z: Y_1 = sqrt(3/4pi) (y, z, x); "
+         "index l*l + l + m"},
+        {"lighting", "l_i = integral of L(w) Y_i(w) dw"},
+        {"diffuse",
+         "T_i = 1/pi integral of V(w) max(0, n.w) Y_i(w) dw; exit radiance = albedo * sum_i l_i "
+         "T_i"},
+        {"roughness", "perceptual, alpha = roughness^2; mip k of n holds roughness k / (n - 1)"},
+        {"mips",
+         "N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), GGX"},
+        {"brdf", "specular albedo = R0 A + B, GGX, height-correlated Smith, Schlick"},
+    };
+}
+
+Json inputs_json(const std::vector<InputFile>& files) {
+    Json list = Json::array();
+    for (const InputFile& file : files)
+        list.push_back({{"role", file.role},
+                        {"name", file.name},
+                        {"bytes", file.hash.bytes},
+                        {"xxh3", file.hash.xxh3}});
+    return list;
+}
+
+Json environment_json(const Environment& environment, const EnvironmentFacts& facts,
+                      const BakeReport& report) {
+    Json json;
+    if (const auto* grid = std::get_if<LatLongGrid>(&environment.grid)) {
+        json["mapping"] = "latitude-longitude";
+        json["width"] = grid->width;
+        json["height"] = grid->height;
+    } else {
+        json["mapping"] = "cube";
+        json["face_size"] = std::get<CubeGrid>(environment.grid).size;
+    }
+    json["mean"] = rounded(facts.mean);
+    json["peak"] = facts.peak;
+    json["constant"] = facts.constant;
+    json["repaired"] = {{"nan", environment.repairs.nan_count},
+                        {"infinite", environment.repairs.infinite_count},
+                        {"negative", environment.repairs.negative_count}};
+    if (!report.mip_levels.empty()) {
+        Json levels = Json::array();
+        for (const auto& level : report.mip_levels)
+            levels.push_back({{"level", level.level},
+                              {"face_size", level.face_size},
+                              {"roughness", level.roughness}});
+        json["mips"] = {{"count", report.mip_count}, {"levels", levels}};
+    }
+    return json;
+}
+
+Json diffuse_json(const DiffuseReport& r) {
+    return {{"rays_per_vertex", r.rays_per_vertex},
+            {"rays", r.ray_count},
+            {"check_rays", r.check_ray_count},
+            {"traced", r.traced_count},
+            {"free", r.free_count},
+            {"merged", r.merged_count},
+            {"unreferenced", r.unreferenced_count},
+            {"error_rms", rounded(r.error_rms)},
+            {"error_p999", rounded(r.error_p999)}};
+}
+
+Json meshes_json(const Scene& scene, const BakeReport& report) {
+    Json list = Json::array();
+    for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+        const Mesh& mesh = scene.meshes[i];
+        Json json = {{"node", mesh.node},
+                     {"node_name", mesh.node_name},
+                     {"mesh", mesh.mesh},
+                     {"mesh_name", mesh.mesh_name},
+                     {"primitive", mesh.primitive},
+                     {"material", scene.materials[static_cast<std::size_t>(mesh.material)].name},
+                     {"vertex_count", mesh.vertex_count()},
+                     {"triangle_count", mesh.triangle_count()},
+                     {"normals", mesh.normals_computed ? "computed" : "from the file"}};
+        if (report.diffuse[i]) json["diffuse"] = diffuse_json(*report.diffuse[i]);
+        list.push_back(std::move(json));
+    }
+    return list;
+}
+
+}  // namespace
+
+std::string tool_version() {
+    return ENVBAKE_VERSION;
+}
+
+Json options_json(const BakeRequest& r) {
+    return {{"tolerance", r.tolerance},
+            {"bands", r.bands},
+            {"mip_size", r.mip_size},
+            {"mip_count", r.mip_count},
+            {"table_size", r.table_size},
+            {"table_axes", axes_name(r.table_axes)},
+            {"unshadowed", r.unshadowed},
+            {"rays", r.rays_per_vertex},
+            {"seed", r.seed},
+            {"strict", r.strict},
+            {"normals", r.area_weighted_normals ? "area" : "angle"},
+            {"compress", r.compress}};
+}
+
+Json plan_json(const BakePlan& plan) {
+    Json list = Json::array();
+    for (const PlannedStage& stage : plan.stages)
+        list.push_back({{"output", stage.output},
+                        {"decision", stage.job ? "bake" : "skip"},
+                        {"reason", stage.reason}});
+    return list;
+}
+
+Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
+                   const BakeReport& report) {
+    Json json;
+    json["tool"] = {{"name", "envbake"}, {"version", tool_version()}};
+    json["inputs"] = inputs_json(inputs.files);
+    json["options"] = options_json(request);
+    json["conventions"] = conventions();
+    if (inputs.environment)
+        json["environment"] =
+            environment_json(*inputs.environment, *inputs.facts.environment, report);
+    if (report.table)
+        json["brdf"]["ggx"] = {{"axes", axes_name(request.table_axes)},
+                               {"axes_in_words", axes_in_words(request.table_axes)},
+                               {"texel_error", rounded(report.table->texel_error)},
+                               {"lookup_error", rounded(report.table->lookup_error)},
+                               {"lookup_error_rms", rounded(report.table->lookup_error_rms)}};
+    if (inputs.scene) {
+        json["scene"] = {{"materials", inputs.scene->materials.size()},
+                         {"notes", inputs.scene->notes}};
+        json["meshes"] = meshes_json(*inputs.scene, report);
+    }
+    Json arrays = Json::object();
+    for (const auto& [name, error] : report.array_errors)
+        arrays[name] = {{"error", rounded(error.value)}, {"norm", error.norm}};
+    json["arrays"] = std::move(arrays);
+    json["plan"] = plan_json(plan);
+    json["self_test"] = {{"tolerance", report.self_test_tolerance}};
+    return json;
+}
+
+}  // namespace envbake

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/pipeline/bake.h"
+#include "baker/pipeline/encode_mip.h"
+#include "baker/pipeline/metadata.h"
+#include "baker/pipeline/self_test.h"
+
+#include "envbake/format/writer.h"
+#include "envbake/runtime/half.h"
+
+#include <algorithm>
+#include <new>
+
+namespace envbake {
+
+namespace {
+
+/// Runs one plan; holds what its stages share.
+class Run {
+  public:
+    Run(const BakeRequest& request, const BakeInputs& inputs, format::Writer& writer,
+        Progress& progress)
+        : request_(request), inputs_(inputs), writer_(writer), progress_(progress) {
+        if (inputs.scene) report_.diffuse.resize(inputs.scene->meshes.size());
+    }
+
+    Expected<void> execute(const BakePlan& plan) {
+        choose_self_test_vertices(plan);
+        for (const PlannedStage& stage : plan.stages)
+            if (stage.job)
+                ENVBAKE_TRY_VOID(std::visit(
+                    [&](const auto& job) { return bake(stage.output, job); }, *stage.job));
+        ENVBAKE_TRY_VOID(write_self_test());
+        const std::string metadata = metadata_json(request_, inputs_, plan, report_).dump(1);
+        return add<std::uint8_t>(
+            std::string(format::kMetadataName), {metadata.size()},
+            {reinterpret_cast<const std::uint8_t*>(metadata.data()), metadata.size()},
+            format::Codec::None);
+    }
+
+  private:
+    Error output_error(const format::Error& e) const {
+        return {Errc::Failed, concat(request_.output.string(), ": ", format::to_string(e))};
+    }
+
+    format::Codec codec() const {
+        return request_.compress ? format::Codec::Zstd : format::Codec::None;
+    }
+
+    template <class T>
+    Expected<void> add(std::string name, std::vector<std::uint64_t> shape,
+                       std::span<const T> elements, format::Codec array_codec) {
+        if (auto done = writer_.add<T>(std::move(name), std::move(shape), elements, array_codec);
+            !done)
+            return output_error(done.error());
+        return {};
+    }
+
+    Expected<void> bake(const std::string& output, const ShLightingJob& job) {
+        const ShLighting lighting = project_sh(job, *inputs_.environment);
+        for (const DVec3& coeff : lighting.coeffs)
+            for (int c = 0; c < 3; ++c) stored_.sh.push_back(static_cast<float>(coeff[c]));
+        stored_.bands = lighting.bands;
+        report_.array_errors[output] = {0x1p-24, "rounding to f32, relative to each coefficient"};
+        return add<float>(output, {lighting.coeffs.size(), 3}, stored_.sh, format::Codec::None);
+    }
+
+    Expected<void> bake(const std::string& output, const PlannedMips& mips) {
+        report_.mip_count = stored_.mip_count = mips.level_count;
+        for (const Mip& mip : bake_mips(mips.job, *inputs_.environment, progress_))
+            ENVBAKE_TRY_VOID(store(concat(output, "/", mip.level), mip));
+        return {};
+    }
+
+    Expected<void> store(const std::string& name, const Mip& mip) {
+        const auto size = static_cast<std::uint64_t>(mip.face_size);
+        const std::vector<std::uint64_t> shape{6, size, size, 3};
+        report_.mip_levels.push_back({mip.level, mip.face_size, mip.perceptual_roughness});
+        StoredArrays::Mip stored{mip.level, mip.face_size, {}};
+        double error = mip.error_estimate;
+        // A tenth of the tolerance is what half floats may add.
+        if (const auto half =
+                encode_half(mip, inputs_.facts.environment->mean, request_.tolerance / 10)) {
+            error += half->error;
+            for (const format::Half& h : half->texels)
+                stored.texels.push_back(runtime::half_to_float(h.bits));
+            ENVBAKE_TRY_VOID(add<format::Half>(name, shape, half->texels, codec()));
+        } else {
+            for (const Vec3& texel : mip.texels)
+                stored.texels.insert(stored.texels.end(), {texel.x, texel.y, texel.z});
+            ENVBAKE_TRY_VOID(add<float>(name, shape, stored.texels, codec()));
+        }
+        report_.array_errors[name] = {error,
+                                      "worst |v - r| / (r + 1e-3 mean) over texels and channels"};
+        stored_.mips.push_back(std::move(stored));
+        return {};
+    }
+
+    Expected<void> bake(const std::string& output, const BrdfTableJob& job) {
+        report_.table = bake_brdf_table(job);
+        stored_.table_size = job.size;
+        stored_.table_axes = job.axes;
+        for (const Vec2& texel : report_.table->texels)
+            stored_.table.insert(stored_.table.end(), {texel.x, texel.y});
+        report_.array_errors[output] = {report_.table->lookup_error,
+                                        "worst |bilinear look-up - true|"};
+        const auto size = static_cast<std::uint64_t>(job.size);
+        return add<float>(output, {size, size, 2}, stored_.table, format::Codec::None);
+    }
+
+    Expected<void> bake(const std::string& output, const PlannedDiffuse& diffuse) {
+        const Mesh& mesh = inputs_.scene->meshes[diffuse.mesh];
+        const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
+        ENVBAKE_TRY_VOID(build_tracer());
+        if (auto begun = writer_.begin(
+                {output, format::ElementType::F32, {mesh.vertex_count(), coeffs}, codec()});
+            !begun)
+            return output_error(begun.error());
+        std::uint64_t first_vertex = 0;
+        const auto sink = [&](std::span<const float> rows) -> Expected<void> {
+            if (diffuse.job.shadowed) keep_self_test_rows(diffuse.mesh, first_vertex, rows, coeffs);
+            first_vertex += rows.size() / coeffs;
+            if (auto appended = writer_.append(std::as_bytes(rows)); !appended)
+                return output_error(appended.error());
+            return {};
+        };
+        ENVBAKE_TRY(DiffuseReport report, bake_diffuse(diffuse.job, *inputs_.scene, diffuse.mesh,
+                                                       *tracer_, sink, progress_));
+        if (auto ended = writer_.end(); !ended) return output_error(ended.error());
+        report_.array_errors[output] = {report.error_rms,
+                                        "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+        if (diffuse.job.shadowed) report_.diffuse[diffuse.mesh] = report;
+        return {};
+    }
+
+    Expected<void> build_tracer() {
+        if (tracer_) return {};
+        ENVBAKE_TRY(tracer_, Tracer::build(*inputs_.scene));
+        return {};
+    }
+
+    /// A few vertices spread evenly over all the baked meshes, two thirds of the way into each
+    /// stretch.
+    void choose_self_test_vertices(const BakePlan& plan) {
+        constexpr std::uint64_t kCount = 32;
+        std::uint64_t total = 0;
+        std::vector<std::pair<std::size_t, std::uint64_t>> baked;  // mesh, vertices
+        for (const PlannedStage& stage : plan.stages) {
+            const auto* diffuse = stage.job ? std::get_if<PlannedDiffuse>(&*stage.job) : nullptr;
+            if (diffuse == nullptr || !diffuse->job.shadowed) continue;
+            baked.emplace_back(diffuse->mesh, inputs_.scene->meshes[diffuse->mesh].vertex_count());
+            total += baked.back().second;
+        }
+        if (total == 0) return;
+        const std::uint64_t count = std::min(kCount, total);
+        std::uint64_t before = 0;
+        std::size_t at = 0;
+        for (std::uint64_t k = 0; k < count; ++k) {
+            const std::uint64_t wanted = (3 * k + 2) * total / (3 * count);
+            while (wanted - before >= baked[at].second) before += baked[at++].second;
+            stored_.vertices.push_back({static_cast<std::uint32_t>(baked[at].first),
+                                        static_cast<std::uint32_t>(wanted - before),
+                                        {}});
+        }
+    }
+
+    void keep_self_test_rows(std::size_t mesh, std::uint64_t first_vertex,
+                             std::span<const float> rows, std::uint64_t coeffs) {
+        for (auto& vertex : stored_.vertices) {
+            if (vertex.mesh != mesh || vertex.vertex < first_vertex) continue;
+            const std::uint64_t row = vertex.vertex - first_vertex;
+            if (row >= rows.size() / coeffs) continue;
+            const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(row * coeffs);
+            vertex.transport.assign(begin, begin + static_cast<std::ptrdiff_t>(coeffs));
+        }
+    }
+
+    Expected<void> write_self_test() {
+        const SelfTest test = make_self_test(stored_);
+        report_.self_test_tolerance = SelfTest::kTolerance;
+        const auto add_rows = [&](const char* name, std::uint64_t columns,
+                                  const auto& values) -> Expected<void> {
+            using T = typename std::decay_t<decltype(values)>::value_type;
+            if (values.empty()) return {};
+            return add<T>(name, {values.size() / columns, columns}, values, format::Codec::None);
+        };
+        ENVBAKE_TRY_VOID(add_rows("selftest/irradiance/normal", 3, test.irradiance_normal));
+        ENVBAKE_TRY_VOID(add_rows("selftest/irradiance/value", 3, test.irradiance_value));
+        ENVBAKE_TRY_VOID(add_rows("selftest/diffuse/vertex", 2, test.diffuse_vertex));
+        ENVBAKE_TRY_VOID(add_rows("selftest/diffuse/value", 3, test.diffuse_value));
+        ENVBAKE_TRY_VOID(add_rows("selftest/specular/input", 8, test.specular_input));
+        return add_rows("selftest/specular/value", 3, test.specular_value);
+    }
+
+    const BakeRequest& request_;
+    const BakeInputs& inputs_;
+    format::Writer& writer_;
+    Progress& progress_;
+    std::optional<Tracer> tracer_;
+    BakeReport report_;
+    StoredArrays stored_;
+};
+
+}  // namespace
+
+Expected<void> run_plan(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
+                        Progress& progress) try {
+    auto writer = format::Writer::create(request.output.string());
+    if (!writer)
+        return Error{Errc::Failed,
+                     concat(request.output.string(), ": ", format::to_string(writer.error()))};
+    ENVBAKE_TRY_VOID(Run(request, inputs, *writer, progress).execute(plan));
+    if (auto finished = writer->finish(); !finished)
+        return Error{Errc::Failed,
+                     concat(request.output.string(), ": ", format::to_string(finished.error()))};
+    return {};
+} catch (const std::bad_alloc&) {
+    return Error{Errc::Failed, "out of memory: bake a smaller scene, or fewer meshes at once"};
+}
+
+}  // namespace envbake

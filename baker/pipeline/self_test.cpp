@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/pipeline/self_test.h"
+
+#include "baker/core/random.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+namespace envbake {
+
+namespace {
+
+constexpr int kSpecularCount = 48;
+
+/// Associated Legendre polynomials by their textbook recurrence, without Condon-Shortley phase.
+double legendre(int l, int m, double z) {
+    double p_mm = 1;
+    const double sin_theta = std::sqrt(std::max(0.0, 1 - z * z));
+    for (int i = 1; i <= m; ++i) p_mm *= (2 * i - 1) * sin_theta;
+    if (l == m) return p_mm;
+    double before = p_mm, current = z * (2 * m + 1) * p_mm;
+    for (int k = m + 2; k <= l; ++k) {
+        const double next = ((2 * k - 1) * z * current - (k + m - 1) * before) / (k - m);
+        before = std::exchange(current, next);
+    }
+    return current;
+}
+
+/// Y_lm with factorials and azimuths, as the definition has it: slow, and nothing like the
+/// runtime's.
+double spherical_harmonic(int l, int m, const DVec3& w) {
+    const int order = std::abs(m);
+    double ratio = 1;
+    for (int k = l - order + 1; k <= l + order; ++k) ratio /= k;
+    const double norm = std::sqrt((2 * l + 1) / (4 * std::numbers::pi) * ratio);
+    const double phi = std::atan2(w.y, w.x);
+    const double azimuthal = m > 0   ? std::numbers::sqrt2 * std::cos(order * phi)
+                             : m < 0 ? std::numbers::sqrt2 * std::sin(order * phi)
+                                     : 1.0;
+    return norm * legendre(l, order, w.z) * azimuthal;
+}
+
+/// The clamped cosine's zonal coefficients, by l! and (l / 2)!^2 of [Ramamoorthi01] eq. 8.
+double clamped_cosine(int l) {
+    using std::numbers::pi;
+    if (l == 1) return 2 * pi / 3;
+    if (l % 2 == 1) return 0;
+    double ratio = 1;  // l! / (2^l (l/2)!^2)
+    for (int k = 1; k <= l / 2; ++k) ratio *= (2 * k - 1) / (2.0 * k);
+    return 2 * pi * (l % 4 == 0 ? -1 : 1) / ((l + 2.0) * (l - 1.0)) * ratio;
+}
+
+DVec3 irradiance(const StoredArrays& arrays, const DVec3& n) {
+    DVec3 E{0};
+    for (int l = 0; l < arrays.bands; ++l) {
+        for (int m = -l; m <= l; ++m) {
+            const auto i = static_cast<std::size_t>(3 * (l * l + l + m));
+            const double weight = clamped_cosine(l) * spherical_harmonic(l, m, n);
+            E += weight * DVec3(arrays.sh[i], arrays.sh[i + 1], arrays.sh[i + 2]);
+        }
+    }
+    return E;
+}
+
+DVec3 exit_radiance(const StoredArrays& arrays, const std::vector<float>& transport) {
+    DVec3 L{0};
+    for (std::size_t i = 0; i < transport.size(); ++i)
+        L += static_cast<double>(transport[i]) *
+             DVec3(arrays.sh[3 * i], arrays.sh[3 * i + 1], arrays.sh[3 * i + 2]);
+    return L;
+}
+
+DVec3 texel(const StoredArrays::Mip& mip, int face, int row, int column) {
+    const auto s = static_cast<std::size_t>(mip.face_size);
+    const std::size_t at =
+        3 * ((static_cast<std::size_t>(face) * s + static_cast<std::size_t>(row)) * s +
+             static_cast<std::size_t>(column));
+    return {mip.texels[at], mip.texels[at + 1], mip.texels[at + 2]};
+}
+
+struct FaceUv {
+    int face;
+    double u, v;
+};
+
+/// OpenGL's table of major axes: sc, tc and ma of each face.
+FaceUv face_uv(const DVec3& w) {
+    const DVec3 a = glm::abs(w);
+    const int axis = a.x >= a.y && a.x >= a.z ? 0 : a.y >= a.z ? 1 : 2;
+    const bool negative = w[axis] < 0;
+    const double sc = axis == 0   ? (negative ? w.z : -w.z)
+                      : axis == 1 ? w.x
+                                  : (negative ? -w.x : w.x);
+    const double tc = axis == 1 ? (negative ? -w.z : w.z) : -w.y;
+    return {2 * axis + (negative ? 1 : 0), sc / a[axis], tc / a[axis]};
+}
+
+DVec3 direction_of(int face, double u, double v) {
+    const int axis = face / 2;
+    const double sign = face % 2 == 0 ? 1 : -1;
+    if (axis == 0) return {sign, -v, -sign * u};
+    if (axis == 1) return {u, sign, sign * v};
+    return {sign * u, -v, sign};
+}
+
+/// A texel of the face, or of the face across the edge that it lies beyond; none beyond a corner.
+std::optional<DVec3> texel_across_edges(const StoredArrays::Mip& mip, int face, int row,
+                                        int column) {
+    const int s = mip.face_size;
+    const bool row_inside = row >= 0 && row < s;
+    const bool column_inside = column >= 0 && column < s;
+    if (row_inside && column_inside) return texel(mip, face, row, column);
+    if (!row_inside && !column_inside) return std::nullopt;
+    // One step over the edge, at the same place along it: the point just beyond the edge itself.
+    const double beyond = 1 + 1e-6;
+    const double u = column < 0 ? -beyond : column >= s ? beyond : (2 * column + 1.0) / s - 1;
+    const double v = row < 0 ? -beyond : row >= s ? beyond : (2 * row + 1.0) / s - 1;
+    const FaceUv across = face_uv(direction_of(face, u, v));
+    const auto place = [s](double coordinate) {
+        return std::clamp(static_cast<int>(std::floor((coordinate + 1) / 2 * s)), 0, s - 1);
+    };
+    return texel(mip, across.face, place(across.v), place(across.u));
+}
+
+DVec3 sample_level(const StoredArrays::Mip& mip, const DVec3& w) {
+    const FaceUv at = face_uv(w);
+    const int s = mip.face_size;
+    const double x = (at.u + 1) / 2 * s - 0.5, y = (at.v + 1) / 2 * s - 0.5;
+    const int column = static_cast<int>(std::floor(x)), row = static_cast<int>(std::floor(y));
+    const double fx = x - column, fy = y - row;
+    std::array<std::optional<DVec3>, 4> corners;
+    DVec3 sum_of_three{0};
+    for (int k = 0; k < 4; ++k) {
+        const auto corner = static_cast<std::size_t>(k);
+        corners[corner] = texel_across_edges(mip, at.face, row + k / 2, column + k % 2);
+        if (corners[corner]) sum_of_three += *corners[corner];
+    }
+    const std::array<double, 4> weights{(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy};
+    DVec3 sum{0};
+    for (std::size_t k = 0; k < 4; ++k)
+        sum += weights[k] * (corners[k] ? *corners[k] : sum_of_three / 3.0);
+    return sum;
+}
+
+const StoredArrays::Mip& nearest_stored(const StoredArrays& arrays, int level) {
+    const int first = arrays.mips.front().level, last = arrays.mips.back().level;
+    return arrays.mips[static_cast<std::size_t>(std::clamp(level, first, last) - first)];
+}
+
+DVec3 sample_mips(const StoredArrays& arrays, const DVec3& w, double roughness) {
+    const double position = roughness * (arrays.mip_count - 1);
+    const int below = static_cast<int>(std::floor(position));
+    const double f = position - below;
+    return (1 - f) * sample_level(nearest_stored(arrays, below), w) +
+           f * sample_level(nearest_stored(arrays, below + 1), w);
+}
+
+DVec2 sample_table(const StoredArrays& arrays, double n_dot_v, double roughness) {
+    const int n = arrays.table_size;
+    const auto coordinate = [&](double value) {
+        const double x = arrays.table_axes == runtime::TableAxes::SqrtEndPoints
+                             ? std::sqrt(value) * (n - 1)
+                             : value * n - 0.5;
+        return std::clamp(x, 0.0, n - 1.0);
+    };
+    const double x = coordinate(n_dot_v), y = coordinate(roughness);
+    const int column = std::min(static_cast<int>(x), n - 2),
+              row = std::min(static_cast<int>(y), n - 2);
+    const double fx = x - column, fy = y - row;
+    DVec2 sum{0};
+    for (int k = 0; k < 4; ++k) {
+        const auto at = static_cast<std::size_t>(2 * ((row + k / 2) * n + column + k % 2));
+        const double weight = (k % 2 != 0 ? fx : 1 - fx) * (k / 2 != 0 ? fy : 1 - fy);
+        sum += weight * DVec2(arrays.table[at], arrays.table[at + 1]);
+    }
+    return sum;
+}
+
+DVec3 uniform_direction(RandomStream& random) {
+    const double z = 1 - 2 * random.next();
+    const double phi = 2 * std::numbers::pi * random.next();
+    const double r = std::sqrt(std::max(0.0, 1 - z * z));
+    return {r * std::cos(phi), r * std::sin(phi), z};
+}
+
+void push(std::vector<float>& list, const DVec3& value) {
+    for (int c = 0; c < 3; ++c) list.push_back(static_cast<float>(value[c]));
+}
+
+DVec3 as_stored(const DVec3& w) {
+    return DVec3(Vec3(w));
+}
+
+void ask_irradiance(const StoredArrays& arrays, SelfTest& test) {
+    // The 26 directions of a cube's faces, edges and corners.
+    for (int code = 0; code < 27; ++code) {
+        const DVec3 cell{code % 3 - 1, code / 3 % 3 - 1, code / 9 - 1};
+        if (cell == DVec3(0)) continue;
+        const DVec3 n = as_stored(glm::normalize(cell));
+        push(test.irradiance_normal, n);
+        push(test.irradiance_value, irradiance(arrays, glm::normalize(n)));
+    }
+}
+
+void ask_specular(const StoredArrays& arrays, SelfTest& test) {
+    RandomStream random(0, 0x73656c66, 0);
+    const double least = arrays.mip_count > 1 ? static_cast<double>(arrays.mips.front().level) /
+                                                    (arrays.mip_count - 1)
+                                              : 0.0;
+    const double most = arrays.mip_count > 1
+                            ? static_cast<double>(arrays.mips.back().level) / (arrays.mip_count - 1)
+                            : 1.0;
+    int asked = 0;
+    for (int attempt = 0; asked < kSpecularCount && attempt < 20 * kSpecularCount; ++attempt) {
+        const DVec3 n = as_stored(uniform_direction(random));
+        const DVec3 v = as_stored(uniform_direction(random));
+        const auto roughness = static_cast<float>(least + (most - least) * random.next());
+        const auto r0 = static_cast<float>(random.next());
+        const double n_dot_v = glm::dot(n, v);
+        if (n_dot_v < 0.05) continue;
+        const DVec3 r = 2 * n_dot_v * n - v;
+        const DVec3 radiance = sample_mips(arrays, r, roughness);
+        const auto moved_too_far = [&](const DVec3& by) {
+            const DVec3 moved = sample_mips(arrays, r + 1e-6 * by, roughness);
+            return glm::any(glm::greaterThan(glm::abs(moved - radiance), 1e-4 * radiance));
+        };
+        if (moved_too_far({1, 0, 0}) || moved_too_far({0, 1, 0}) || moved_too_far({0, 0, 1}))
+            continue;
+        const DVec2 ab = sample_table(arrays, n_dot_v, roughness);
+        for (const DVec3& w : {n, v}) push(test.specular_input, w);
+        test.specular_input.push_back(roughness);
+        test.specular_input.push_back(r0);
+        push(test.specular_value, radiance * (static_cast<double>(r0) * ab.x + ab.y));
+        ++asked;
+    }
+}
+
+}  // namespace
+
+SelfTest make_self_test(const StoredArrays& arrays) {
+    SelfTest test;
+    if (!arrays.sh.empty()) {
+        ask_irradiance(arrays, test);
+        for (const auto& vertex : arrays.vertices) {
+            test.diffuse_vertex.push_back(vertex.mesh);
+            test.diffuse_vertex.push_back(vertex.vertex);
+            push(test.diffuse_value, exit_radiance(arrays, vertex.transport));
+        }
+    }
+    if (!arrays.mips.empty() && arrays.table_size > 0) ask_specular(arrays, test);
+    return test;
+}
+
+}  // namespace envbake

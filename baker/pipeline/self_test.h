@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/math/vector.h"
+#include "envbake/runtime/brdf.h"
+
+#include <cstdint>
+#include <vector>
+
+namespace envbake {
+
+/// The arrays as a reader of the bundle will see them, after every encoding.
+struct StoredArrays {
+    int bands = 0;
+    std::vector<float> sh;  ///< [bands^2, 3], empty without an environment
+
+    struct Mip {
+        int level = 0;
+        int face_size = 0;
+        std::vector<float> texels;  ///< [6, size, size, 3]
+    };
+    std::vector<Mip> mips;  ///< ascending levels; empty where skipped
+    int mip_count = 0;
+
+    int table_size = 0;
+    std::vector<float> table;  ///< [roughness, n.v, 2]
+    runtime::TableAxes table_axes = runtime::TableAxes::SqrtEndPoints;
+
+    struct Vertex {
+        std::uint32_t mesh = 0;
+        std::uint32_t vertex = 0;
+        std::vector<float> transport;  ///< [bands^2]
+    };
+    std::vector<Vertex> vertices;  ///< a few, spread over the meshes
+};
+
+/// Questions and right answers that travel with a bundle, so that any reader can check itself:
+/// the arrays under "selftest/".
+struct SelfTest {
+    static constexpr double kTolerance = 1e-3;  ///< of |answer| + 1e-3 of the group's largest
+
+    std::vector<float> irradiance_normal;       ///< [k, 3]
+    std::vector<float> irradiance_value;        ///< [k, 3]
+    std::vector<std::uint32_t> diffuse_vertex;  ///< [k, 2]: mesh, vertex
+    std::vector<float> diffuse_value;           ///< [k, 3]: exit radiance for albedo 1
+    std::vector<float> specular_input;          ///< [k, 8]: n, v, perceptual roughness, R0
+    std::vector<float> specular_value;          ///< [k, 3]
+};
+
+/// Works the answers out in double from the stored arrays, by the words of docs/format.md and
+/// without the runtime that validate checks against them. Specular questions whose answer changes
+/// by more than a part in 10^4 when the reflected direction turns by a microradian are not asked: a
+/// float reader cannot be held to them.
+SelfTest make_self_test(const StoredArrays& arrays);
+
+}  // namespace envbake

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/brdf/table.h"
+#include "baker/core/error.h"
+#include "baker/lighting/mips.h"
+#include "baker/lighting/sh_projection.h"
+#include "baker/plan/bake_request.h"
+#include "baker/plan/facts.h"
+#include "baker/transport/diffuse.h"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace envbake {
+
+/// One mip chain; a constant environment is one texel a level.
+struct PlannedMips {
+    MipsJob job;
+    int level_count = 5;
+};
+
+struct PlannedDiffuse {
+    DiffuseJob job;
+    std::size_t mesh = 0;  ///< index into Scene::meshes
+};
+
+using Job = std::variant<ShLightingJob, PlannedMips, BrdfTableJob, PlannedDiffuse>;
+
+struct PlannedStage {
+    std::string output;      ///< array name or prefix: "environment/mips"
+    std::string reason;      ///< one sentence
+    std::optional<Job> job;  ///< empty when the stage is skipped
+};
+
+/// Data: printable, comparable in a test, finished before the first ray.
+struct BakePlan {
+    std::vector<PlannedStage> stages;  ///< execution order
+    std::uint64_t ray_count = 0;       ///< expected, error check excluded
+    std::uint64_t output_bytes = 0;    ///< of the arrays, uncompressed
+};
+
+/// Decides what a bake does. Pure: the same request and facts give the same plan.
+///
+/// Errors:  Usage  an option is out of its range, or there is neither scene nor environment
+Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts);
+
+}  // namespace envbake
