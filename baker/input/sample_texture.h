@@ -3,6 +3,8 @@
 
 #include "baker/input/scene.h"
 
+#include <cstddef>
+
 namespace envbake {
 
 /// A material at one surface point: textures and vertex colour multiplied in.
@@ -19,9 +21,11 @@ struct SurfaceMaterial {
 };
 
 /// Bilinear, texel centres at (i + 1/2) / n, wrapped as the texture says; RGBA in [0, 1] as stored.
+/// White where the image was not decoded. A coordinate that is not finite counts as 0.
 Vec4 sample_texture(const Scene& scene, const Texture& texture, Vec2 uv);
 
-/// The material of mesh `mesh` at barycentric (b0, b1, b2) of triangle `triangle`.
+/// The material of mesh `mesh` at barycentric (b0, b1, b2) of triangle `triangle`. Colour texels
+/// are made linear before they are filtered. A UV set that the mesh lacks reads as (0, 0).
 SurfaceMaterial surface_material(const Scene& scene, const Mesh& mesh, std::size_t triangle,
                                  const Vec3& barycentric);
 
