@@ -1,0 +1,388 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/lighting/cluster_tree.h"
+
+#include "baker/core/parallel.h"
+#include "envbake/runtime/cube.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <numbers>
+
+namespace envbake::lighting {
+namespace {
+
+using std::numbers::pi;
+
+std::size_t index(int i) {
+    return static_cast<std::size_t>(i);
+}
+
+/// Where block i of `count` begins among `total` texels; runs nest when count doubles.
+int block_begin(int i, int count, int total) {
+    return static_cast<int>(static_cast<std::int64_t>(i) * total / count);
+}
+
+int nearest_power_of_two(double x) {
+    return 1 << std::max(0, static_cast<int>(std::lround(std::log2(x))));
+}
+
+int floor_power_of_two(int x) {
+    return static_cast<int>(std::bit_floor(static_cast<unsigned>(x)));
+}
+
+}  // namespace
+
+/// Moments about the origin, exact texel shapes: of the excess of each channel, and of radiance 1.
+struct ClusterTree::Raw {
+    double flux[3] = {};
+    DVec3 first[3] = {DVec3{0}, DVec3{0}, DVec3{0}};
+    double second[3][6] = {};
+    double omega = 0;
+    DVec3 uniform{0};
+
+    void add(const Raw& o) {
+        for (int k = 0; k < 3; ++k) {
+            flux[k] += o.flux[k];
+            first[k] += o.first[k];
+            for (int i = 0; i < 6; ++i) second[k][i] += o.second[k][i];
+        }
+        omega += o.omega;
+        uniform += o.uniform;
+    }
+};
+
+/// One level of blocks, in rows of `count` blocks each.
+struct ClusterTree::Level {
+    struct Row {
+        std::size_t first;
+        int count;
+        int face, row0, row1;
+        int child_row[2];  ///< in the finer level; -1: none
+    };
+    std::vector<Row> rows;
+    std::vector<Raw> raw;
+    std::vector<TexelBlock> blocks;
+};
+
+ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
+    : environment_(&environment) {
+    const auto* lat_long = std::get_if<LatLongGrid>(&environment.grid);
+    const auto* cube = std::get_if<CubeGrid>(&environment.grid);
+    width_ = lat_long ? lat_long->width : cube->size;
+    height_ = lat_long ? lat_long->height : cube->size;
+
+    floor_ = ceiling_ = DVec3(environment.radiance[0]);
+    for (const Vec3& L : environment.radiance) {
+        floor_ = glm::min(floor_, DVec3(L));
+        ceiling_ = glm::max(ceiling_, DVec3(L));
+    }
+    const double peak = std::max({ceiling_.x, ceiling_.y, ceiling_.z});
+    scale_ = peak > 0 ? std::ldexp(1.0, -std::clamp(std::ilogb(peak) + 1, -120, 130)) : 1.0;
+
+    // Blocks of about the asked extent, but 300 rows of blocks, or a quarter of the map's, suffice:
+    // what needs finer is opened into texels.
+    const double texel_extent = (lat_long ? pi : pi / 2) / height_;
+    const int limit = std::max(lat_long ? 300 : 150, height_ / 4);
+    const int least = (height_ + limit - 1) / limit;
+    const int asked = static_cast<int>(std::min(base_extent_rad / texel_extent + 0.5, 1e6));
+    const int texels_per_block = std::clamp(std::max(asked, least), 1, height_);
+
+    std::vector<Level> levels;
+    levels.push_back(lat_long ? lat_long_base(*lat_long, texels_per_block)
+                              : cube_base(*cube, texels_per_block));
+    const std::size_t few = lat_long ? 4 : 2 * cube::kFaceCount;
+    while (levels.back().rows.size() > few) levels.push_back(coarser(levels.back()));
+
+    DVec3 flux{0};
+    DVec3 weight{0};
+    for (const Raw& raw : levels.back().raw) flux += DVec3{raw.flux[0], raw.flux[1], raw.flux[2]};
+    for (int k = 0; k < 3; ++k) weight[k] = flux[k] > 0 ? 1 / flux[k] : 0;
+    mean_excess_ = flux / (4 * pi);
+    centre_weight_ = weight;
+
+    std::uint32_t first = 0, finer_first = 0;
+    for (std::size_t i = 0; i < levels.size(); ++i) {
+        finer_first = first;
+        first = static_cast<std::uint32_t>(nodes_.size());
+        append(levels[i], i > 0 ? &levels[i - 1] : nullptr, finer_first);
+    }
+    for (std::uint32_t i = first; i < nodes_.size(); ++i) roots_.push_back(i);
+}
+
+/// Everything separates: per row of texels the integrals of sin, sin^2, sin cos, sin^3, sin^2 cos
+/// of theta, per column those of 1, cos, sin, cos^2, sin^2, sin cos of phi.
+ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_per_block) {
+    struct Column {
+        double one, c, s, cc, ss, cs;
+    };
+    std::vector<Column> columns;
+    for (int i = 0; i < width_; ++i) {
+        const double half = (grid.phi_edges[index(i + 1)] - grid.phi_edges[index(i)]) / 2;
+        const double phi = grid.phi_edges[index(i)] + half;
+        const double one = 2 * half, sine = 2 * std::sin(half), double_sine = std::sin(2 * half);
+        columns.push_back({one, sine * std::cos(phi), sine * std::sin(phi),
+                           half + double_sine * std::cos(2 * phi) / 2,
+                           half - double_sine * std::cos(2 * phi) / 2,
+                           double_sine * std::sin(2 * phi) / 2});
+    }
+
+    Level level;
+    const int most = floor_power_of_two(width_);
+    for (int row0 = 0; row0 < height_; row0 += rows_per_block) {
+        const int row1 = std::min(row0 + rows_per_block, height_);
+        const double theta0 = grid.theta_edges[index(row0)], theta1 = grid.theta_edges[index(row1)];
+        const double around = 2 * pi * std::sin((theta0 + theta1) / 2) / (theta1 - theta0);
+        const int count = std::min(std::max(4, nearest_power_of_two(std::max(around, 1.0))), most);
+        level.rows.push_back({level.blocks.size(), count, -1, row0, row1, {-1, -1}});
+        for (int i = 0; i < count; ++i) {
+            level.blocks.push_back(
+                {-1, row0, row1, block_begin(i, count, width_), block_begin(i + 1, count, width_)});
+        }
+    }
+    level.raw.resize(level.blocks.size());
+
+    parallel_for(level.rows.size(), [&](std::size_t at) {
+        const Level::Row& run = level.rows[at];
+        constexpr int kSums = 5;
+        std::vector<double> sums(index(3 * kSums * width_), 0.0);
+        double uniform[3] = {};  // of 1, sin, cos over the rows
+        for (int r = run.row0; r < run.row1; ++r) {
+            const double t0 = grid.theta_edges[index(r)], t1 = grid.theta_edges[index(r + 1)];
+            const double half = (t1 - t0) / 2, middle = (t0 + t1) / 2;
+            const double sm = std::sin(middle), cm = std::cos(middle);
+            const double sh = std::sin(half), s2h = std::sin(2 * half);
+            const double s1 = 2 * sm * sh;
+            const double s2 = sm * sm * s2h + (half - s2h / 2);
+            const double sc = sm * cm * s2h;
+            const double c0 = std::cos(t0), c1 = std::cos(t1), n0 = std::sin(t0), n1 = std::sin(t1);
+            // (cos^3 / 3 - cos) and sin^3 / 3 between the edges, the difference taken out as s1.
+            const double s3 = s1 * (1 - (c0 * c0 + c0 * c1 + c1 * c1) / 3);
+            const double s2c = (n1 - n0) * (n0 * n0 + n0 * n1 + n1 * n1) / 3;
+            const double weights[kSums] = {s1, s2, sc, s3, s2c};
+            uniform[0] += s1;
+            uniform[1] += s2;
+            uniform[2] += sc;
+            const Vec3* texels = environment_->radiance.data() + index(r) * index(width_);
+            for (int k = 0; k < 3; ++k) {
+                double* out = sums.data() + k * kSums * width_;
+                for (int i = 0; i < width_; ++i) {
+                    const double L = (static_cast<double>(texels[i][k]) - floor_[k]) * scale_;
+                    for (int j = 0; j < kSums; ++j) out[j * width_ + i] += weights[j] * L;
+                }
+            }
+        }
+        for (int b = 0; b < run.count; ++b) {
+            const std::size_t slot = run.first + index(b);
+            const TexelBlock& block = level.blocks[slot];
+            Raw& raw = level.raw[slot];
+            for (int i = block.column0; i < block.column1; ++i) {
+                const Column& p = columns[index(i)];
+                raw.omega += uniform[0] * p.one;
+                raw.uniform += DVec3{uniform[1] * p.c, uniform[2] * p.one, uniform[1] * p.s};
+                for (int k = 0; k < 3; ++k) {
+                    const double* in = sums.data() + k * kSums * width_ + i;
+                    const double s1 = in[0], s2 = in[width_], sc = in[2 * width_],
+                                 s3 = in[3 * width_], s2c = in[4 * width_];
+                    raw.flux[k] += s1 * p.one;
+                    raw.first[k] += DVec3{s2 * p.c, sc * p.one, s2 * p.s};
+                    raw.second[k][0] += s3 * p.cc;
+                    raw.second[k][1] += (s1 - s3) * p.one;
+                    raw.second[k][2] += s3 * p.ss;
+                    raw.second[k][3] += s2c * p.c;
+                    raw.second[k][4] += s3 * p.cs;
+                    raw.second[k][5] += s2c * p.s;
+                }
+            }
+        }
+    });
+    return level;
+}
+
+ClusterTree::Level ClusterTree::cube_base(const CubeGrid& grid, int texels_per_block) {
+    Level level;
+    const int count =
+        std::clamp(nearest_power_of_two(static_cast<double>(grid.size) / texels_per_block), 1,
+                   floor_power_of_two(grid.size));
+    for (int face = 0; face < cube::kFaceCount; ++face) {
+        for (int j = 0; j < count; ++j) {
+            const int row0 = block_begin(j, count, grid.size);
+            const int row1 = block_begin(j + 1, count, grid.size);
+            level.rows.push_back({level.blocks.size(), count, face, row0, row1, {-1, -1}});
+            for (int i = 0; i < count; ++i) {
+                level.blocks.push_back({face, row0, row1, block_begin(i, count, grid.size),
+                                        block_begin(i + 1, count, grid.size)});
+            }
+        }
+    }
+    level.raw.resize(level.blocks.size());
+
+    parallel_for(level.rows.size(), [&](std::size_t at) {
+        const Level::Row& run = level.rows[at];
+        for (int b = 0; b < run.count; ++b) {
+            const TexelBlock& block = level.blocks[run.first + index(b)];
+            Raw& raw = level.raw[run.first + index(b)];
+            for (int r = block.row0; r < block.row1; ++r) {
+                for (int c = block.column0; c < block.column1; ++c) {
+                    const SourcePatch p = make_patch(texel_rect(block, r, c));
+                    const DVec3 L = excess(block, r, c);
+                    // E[w w^T] of the parallelogram, about its exact centre.
+                    const DVec3 &m = p.centre, &a = p.half_a, &h = p.half_b;
+                    const auto product = [&](int i, int j) {
+                        return m[i] * m[j] + (a[i] * a[j] + h[i] * h[j]) / 3;
+                    };
+                    const double second[6] = {product(0, 0), product(1, 1), product(2, 2),
+                                              product(0, 1), product(0, 2), product(1, 2)};
+                    raw.omega += p.omega;
+                    raw.uniform += p.omega * m;
+                    for (int k = 0; k < 3; ++k) {
+                        const double flux = L[k] * p.omega;
+                        raw.flux[k] += flux;
+                        raw.first[k] += flux * m;
+                        for (int i = 0; i < 6; ++i) raw.second[k][i] += flux * second[i];
+                    }
+                }
+            }
+        }
+    });
+    return level;
+}
+
+ClusterTree::Level ClusterTree::coarser(const Level& fine) const {
+    Level level;
+    const auto* lat_long = std::get_if<LatLongGrid>(&environment_->grid);
+    for (std::size_t r = 0; r < fine.rows.size();) {
+        const Level::Row& upper = fine.rows[r];
+        const bool paired = r + 1 < fine.rows.size() && fine.rows[r + 1].face == upper.face;
+        const Level::Row& lower = fine.rows[paired ? r + 1 : r];
+        int count = std::min(upper.count, lower.count);
+        if (lat_long) {
+            const double theta0 = lat_long->theta_edges[index(upper.row0)];
+            const double theta1 = lat_long->theta_edges[index(lower.row1)];
+            const double around = 2 * pi * std::sin((theta0 + theta1) / 2) / (theta1 - theta0);
+            count = std::min(count, std::max(4, nearest_power_of_two(std::max(around, 1.0))));
+        } else if (paired) {
+            count = std::max(1, count / 2);
+        }
+        Level::Row row{
+            level.blocks.size(), count,
+            upper.face,          upper.row0,
+            lower.row1,          {static_cast<int>(r), paired ? static_cast<int>(r + 1) : -1}};
+        for (int i = 0; i < count; ++i) {
+            Raw sum;
+            for (const Level::Row* child : {&upper, &lower}) {
+                if (child == &lower && !paired) break;
+                const int each = child->count / count;
+                for (int j = 0; j < each; ++j) {
+                    sum.add(fine.raw[child->first + index(i * each + j)]);
+                }
+            }
+            level.raw.push_back(sum);
+            level.blocks.push_back({upper.face, upper.row0, lower.row1,
+                                    block_begin(i, count, width_),
+                                    block_begin(i + 1, count, width_)});
+        }
+        level.rows.push_back(row);
+        r += paired ? 2 : 1;
+    }
+    return level;
+}
+
+void ClusterTree::append(const Level& level, const Level* finer, std::uint32_t finer_first) {
+    const std::size_t first = nodes_.size();
+    nodes_.resize(first + level.raw.size());
+    moments_.resize(nodes_.size());
+    blocks_.insert(blocks_.end(), level.blocks.begin(), level.blocks.end());
+    parallel_for(level.rows.size(), [&](std::size_t at) {
+        const Level::Row& row = level.rows[at];
+        for (int i = 0; i < row.count; ++i) {
+            const std::size_t slot = row.first + index(i);
+            ClusterNode node =
+                finish(level.raw[slot], rect_of(level.blocks[slot]), moments_[first + slot]);
+            node.block = static_cast<std::uint32_t>(first + slot);
+            for (int k = 0; k < 2; ++k) {
+                node.first_child[k] = 0;
+                node.child_count[k] = 0;
+                if (!finer || row.child_row[k] < 0) continue;
+                const Level::Row& child = finer->rows[index(row.child_row[k])];
+                const int each = child.count / row.count;
+                node.child_count[k] = static_cast<std::uint16_t>(each);
+                node.first_child[k] =
+                    finer_first + static_cast<std::uint32_t>(child.first + index(i * each));
+            }
+            nodes_[first + slot] = node;
+        }
+    });
+}
+
+/// Central moments from moments about the origin; in double, for the difference loses digits.
+ClusterNode ClusterTree::finish(const Raw& raw, const SourceRect& rect,
+                                ClusterMoments<float>& out) const {
+    ClusterNode node{};
+    const DVec3 uniform = raw.uniform / raw.omega;
+    DVec3 weighted{0};
+    double total = 0;
+    for (int k = 0; k < 3; ++k) {
+        weighted += centre_weight_[k] * raw.first[k];
+        total += centre_weight_[k] * raw.flux[k];
+    }
+    const DVec3 centre = total > 0 ? weighted / total : uniform;
+    const double variance = std::max(0.0, (1 - glm::dot(centre, centre)) / 2);
+    const double uniform_variance = (1 - glm::dot(uniform, uniform)) / 2;
+    const DVec2 sides = rect.sides();
+    const double extent = std::max(sides.x, sides.y);
+
+    double radius = 0;
+    constexpr double kSteps[] = {0, 0.25, 0.5, 0.75, 1};
+    for (const double s : kSteps) {
+        for (const double t : kSteps) {
+            radius = std::max(radius, glm::length(rect.towards(s, t) - centre));
+        }
+    }
+    double skew = 0;
+    for (int k = 0; k < 3; ++k) {
+        const double flux = raw.flux[k];
+        const DVec3 first = raw.first[k] - flux * centre;
+        // Sum of L (w - c)(w - c)^T = Q - c M^T - M c^T + F c c^T, M = first + F c.
+        const auto second = [&](int slot, int i, int j) {
+            return raw.second[k][slot] - centre[i] * first[j] - first[i] * centre[j] -
+                   flux * centre[i] * centre[j];
+        };
+        const double central[6] = {second(0, 0, 0), second(1, 1, 1), second(2, 2, 2),
+                                   second(3, 0, 1), second(4, 0, 2), second(5, 1, 2)};
+        out.flux[k] = node.flux[k] = static_cast<float>(flux);
+        for (int i = 0; i < 3; ++i) out.first[k][i] = static_cast<float>(first[i]);
+        for (int i = 0; i < 6; ++i) out.second[k][i] = static_cast<float>(central[i]);
+        if (flux > 0) skew = std::max(skew, glm::length(first) / (flux * extent));
+    }
+    for (int i = 0; i < 3; ++i) out.centre[i] = node.centre[i] = static_cast<float>(centre[i]);
+    out.variance = node.variance = std::max(static_cast<float>(variance), 1e-12f);
+    node.extent = static_cast<float>(extent);
+    node.radius = static_cast<float>(1.02 * radius + 1e-7);
+    const double unevenness = 2 * glm::length(centre - uniform) / extent + skew +
+                              0.3 * std::abs(variance / uniform_variance - 1);
+    node.unevenness = static_cast<float>(std::min(1.0, unevenness));
+    return node;
+}
+
+SourceRect ClusterTree::rect_of(const TexelBlock& b) const {
+    if (const auto* grid = std::get_if<LatLongGrid>(&environment_->grid)) {
+        return block_rect(*grid, b.row0, b.row1, b.column0, b.column1);
+    }
+    return block_rect(std::get<CubeGrid>(environment_->grid), b.face, b.row0, b.row1, b.column0,
+                      b.column1);
+}
+
+SourceRect ClusterTree::texel_rect(const TexelBlock& block, int row, int column) const {
+    return rect_of({block.face, row, row + 1, column, column + 1});
+}
+
+DVec3 ClusterTree::excess(const TexelBlock& block, int row, int column) const {
+    const std::size_t face = index(std::max(0, block.face));
+    const std::size_t texel = (face * index(height_) + index(row)) * index(width_) + index(column);
+    return (DVec3(environment_->radiance[texel]) - floor_) * scale_;
+}
+
+}  // namespace envbake::lighting

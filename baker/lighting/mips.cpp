@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/lighting/mips.h"
+
+#include "baker/lighting/box_average.h"
+#include "baker/lighting/cluster_tree.h"
+#include "baker/lighting/prefilter.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+namespace envbake {
+namespace {
+
+/// Rounding of the sums and of the result to float, relative.
+constexpr double kRounding = 2e-6;
+
+int face_size_of(const MipsJob& job, int level) {
+    return std::max(1, job.face_size >> level);
+}
+
+double alpha_of(float perceptual_roughness) {
+    const double r = std::clamp(static_cast<double>(perceptual_roughness), 1e-3, 1.0);
+    return r * r;
+}
+
+lighting::PrefilterAccuracy accuracy_for(double tolerance) {
+    const double relative = std::clamp(tolerance, 1e-5, 0.3) / 1e-3;
+    const double cluster = 3e-5 * (relative < 1 ? relative * relative : relative);
+    return {.cluster = cluster,
+            .horizon = 10 * cluster,
+            .interpolation = 1e-3 * std::min(relative, 5.0)};
+}
+
+}  // namespace
+
+std::vector<Mip> bake_mips(const MipsJob& job, const Environment& environment, Progress& progress) {
+    assert(job.levels.size() == job.perceptual_roughness.size());
+    std::uint64_t texels = 0;
+    double finest = 1;
+    for (std::size_t i = 0; i < job.levels.size(); ++i) {
+        const auto size = static_cast<std::uint64_t>(face_size_of(job, job.levels[i]));
+        texels += 6 * size * size;
+        if (job.perceptual_roughness[i] > 0) {
+            finest = std::min(finest, alpha_of(job.perceptual_roughness[i]));
+        }
+    }
+    progress.begin("environment/mips", "texels", texels);
+
+    std::optional<lighting::ClusterTree> tree;
+    std::vector<Mip> mips;
+    for (std::size_t i = 0; i < job.levels.size(); ++i) {
+        Mip mip;
+        mip.level = job.levels[i];
+        mip.face_size = face_size_of(job, mip.level);
+        mip.perceptual_roughness = job.perceptual_roughness[i];
+        if (mip.perceptual_roughness <= 0) {
+            mip.texels = lighting::box_average(environment, mip.face_size);
+            mip.error_estimate = kRounding;
+            progress.add(mip.texels.size());
+        } else {
+            if (!tree) tree.emplace(environment, lighting::base_extent_for(finest));
+            lighting::Prefiltered result =
+                lighting::prefilter_ggx(*tree, alpha_of(mip.perceptual_roughness), mip.face_size,
+                                        accuracy_for(job.tolerance), progress);
+            mip.texels = std::move(result.texels);
+            mip.error_estimate = kRounding + result.worst_sum;
+        }
+        mips.push_back(std::move(mip));
+    }
+    return mips;
+}
+
+}  // namespace envbake

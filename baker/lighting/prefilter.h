@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/core/progress.h"
+#include "baker/lighting/cluster_tree.h"
+#include "baker/math/vector.h"
+
+#include <vector>
+
+namespace envbake::lighting {
+
+/// How far sources are opened. An entry of the estimates is relative to a texel's value plus 1e-3
+/// of the mean, like the tolerance.
+struct PrefilterAccuracy {
+    double cluster = 3e-5;  ///< largest estimate of one source, from the curvature of the weight
+    double horizon = 3e-4;  ///< ... of one source that the horizon cuts
+    double interpolation = 1e-3;  ///< ... of one source's error of interpolation within a tile
+};
+
+struct Prefiltered {
+    std::vector<Vec3> texels;  ///< faces in order, rows from the top
+    double worst_sum = 0;      ///< largest sum, over the sources of one tile, of the estimates
+};
+
+/// Extent of the smallest block of texels that a lobe of this width asks of the tree, radians.
+double base_extent_for(double alpha);
+
+/// Prefiltered radiance at the centre of every texel of six faces, straight from the source.
+///
+/// For each tile of texels the tree is walked once. A source is accepted as soon as its estimated
+/// error is below the tolerance, relative to what the darkest part of the tile receives: the sun is
+/// opened to parts of texels where its image is sharp, and is one cluster elsewhere. Lanes are
+/// output points, sources are broadcast. For sharp lobes on large faces a tile's sources are
+/// evaluated at 8 x 8 Chebyshev points and interpolated, but for those too close or too bright for
+/// that. A lobe narrower than an output texel is walked for each texel by itself, in double.
+///
+///   alpha   (0, 1]
+///
+/// Threads: tiles in parallel; a tile's sum has one order, so the same bits on any number.
+Prefiltered prefilter_ggx(const ClusterTree& tree, double alpha, int face_size,
+                          const PrefilterAccuracy& accuracy, Progress& progress);
+
+}  // namespace envbake::lighting

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/input/environment.h"
+#include "baker/math/vector.h"
+
+#include <cstddef>
+#include <utility>
+#include <variant>
+
+namespace envbake::lighting {
+
+/// A rectangle in the coordinates of a source grid: a texel, a part of one, or a block of many.
+struct SourceRect {
+    int face = -1;          ///< 0 .. 5, or -1: lat-long
+    double a0 = 0, a1 = 0;  ///< theta, or v
+    double b0 = 0, b1 = 0;  ///< phi, or u
+
+    /// The unit direction at fractions s of a and t of b, each 0 .. 1.
+    DVec3 towards(double s, double t) const;
+    /// Lengths on the sphere, radians, along a and along b at the widest place.
+    DVec2 sides() const;
+};
+
+/// What a rectangle of uniform radiance 1 is to a kernel: exact moments of order 0 and 1, and the
+/// second as that of a small parallelogram.
+struct SourcePatch {
+    double omega = 0;  ///< solid angle, sr
+    DVec3 centre{0};   ///< mean direction, shorter than 1
+    double variance =
+        0;            ///< V = (1 - |centre|^2) / 2: for a small square the variance along a side
+    DVec3 half_a{0};  ///< the patch is about centre + s half_a + t half_b, s and t in [-1, 1]
+    DVec3 half_b{0};
+    double extent = 0;  ///< the longer side, radians
+};
+
+SourcePatch make_patch(const SourceRect& rect);
+
+/// Texel (row, column) of a grid, and blocks row0 .. row1, column0 .. column1 of texels.
+SourceRect block_rect(const LatLongGrid& grid, int row0, int row1, int column0, int column1);
+SourceRect block_rect(const CubeGrid& grid, int face, int row0, int row1, int column0, int column1);
+
+}  // namespace envbake::lighting
