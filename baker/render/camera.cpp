@@ -159,7 +159,7 @@ Camera frame_scene(const Scene& scene, const Tracer& tracer, int width, int heig
     if (bounds.empty()) return camera;
     const DVec3 centre = (bounds.low + bounds.high) / 2.0;
 
-    constexpr double kAzimuth = 35 * kPi / 180, kElevation = 18 * kPi / 180, kMargin = 0.04;
+    constexpr double kAzimuth = 35 * kPi / 180, kElevation = 11 * kPi / 180, kMargin = 0.04;
     const Axes axes =
         axes_looking(-DVec3(std::sin(kAzimuth) * std::cos(kElevation), std::sin(kElevation),
                             std::cos(kAzimuth) * std::cos(kElevation)));

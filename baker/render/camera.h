@@ -31,7 +31,7 @@ class CameraRays {
 };
 
 /// A camera for a scene that nobody described: from the front right (35 degrees from +Z towards
-/// +X) and 18 degrees above, as near as keeps every triangle inside the picture with a margin of
+/// +X) and 11 degrees above, as near as keeps every triangle inside the picture with a margin of
 /// 4 %. A scene that is seen from its inner side from there (most of what the rays meet are back
 /// faces that glTF hides) is a room: the camera then stands inside, where a horizontal line of
 /// sight is longest, and looks along it.

@@ -22,7 +22,7 @@ constexpr std::string_view kUsage =
     "  --overcast            the CIE overcast sky instead of a clear one with a sun\n"
     "  --size WxH            size of the sky, texels (default 1024x512)\n"
     "  --sun-elevation DEG   above the horizon, 1 to 90 (default 36)\n"
-    "  --sun-azimuth DEG     about +Y, 0 at +X, 90 at +Z (default 120)\n";
+    "  --sun-azimuth DEG     about +Y, 0 at +X, 90 at +Z (default 140)\n";
 
 constexpr int kFailed = 1, kWrongUsage = 2;
 

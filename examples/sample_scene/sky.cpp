@@ -30,76 +30,6 @@ double texel_solid_angle(int row, int height, double width_rad) {
     return width_rad * (std::cos(kPi * row / height) - std::cos(kPi * (row + 1) / height));
 }
 
-/// Adds the disc to the image. In the polar angle theta about +Y, the disc spans the azimuths
-/// within
-///
-///     delta(theta) = acos((cos a - cos theta cos theta_s) / (sin theta sin theta_s))
-///
-/// of the sun's (spherical law of cosines; a is the half-angle), so a texel's share is a
-/// one-dimensional integral over theta of exact azimuth overlaps. The shares are then scaled so
-/// that together they are the disc's solid angle 2 pi (1 - cos a) to the last digit.
-void add_sun(const SkyOptions& options, SkyImage& image) {
-    const double half_angle = radians(kSunHalfAngleDeg);
-    const double theta_sun = radians(90 - options.sun_elevation_deg);
-    const double turns = options.sun_azimuth_deg / 360 + 0.5;
-    const double u_sun = turns - std::floor(turns);
-    const int width = image.width, height = image.height;
-
-    struct Share {
-        int row, column;
-        double d_omega;
-    };
-    std::vector<Share> shares;
-    std::vector<double> row_shares(static_cast<std::size_t>(width));
-    double total = 0;
-    const double theta_low = std::max(0.0, theta_sun - half_angle);
-    const double theta_high = std::min(kPi, theta_sun + half_angle);
-    const int first_row = std::clamp(static_cast<int>(theta_low / kPi * height), 0, height - 1);
-    const int last_row = std::clamp(static_cast<int>(theta_high / kPi * height), 0, height - 1);
-    for (int row = first_row; row <= last_row; ++row) {
-        std::fill(row_shares.begin(), row_shares.end(), 0.0);
-        const double begin = std::max(theta_low, kPi * row / height);
-        const double end = std::min(theta_high, kPi * (row + 1) / height);
-        constexpr int kSteps = 1024;
-        const double d_theta = (end - begin) / kSteps;
-        for (int step = 0; step < kSteps && d_theta > 0; ++step) {
-            const double theta = begin + (step + 0.5) * d_theta;
-            const double denominator = std::sin(theta) * std::sin(theta_sun);
-            const double numerator = std::cos(half_angle) - std::cos(theta) * std::cos(theta_sun);
-            double delta =
-                kPi;  // within a half-angle of the pole the disc may go all the way round
-            if (numerator > -denominator)
-                delta = numerator < denominator ? std::acos(numerator / denominator) : 0;
-            const double half_width = delta / (2 * kPi) * width;
-            const double left = u_sun * width - half_width, right = u_sun * width + half_width;
-            for (double column = std::floor(left); column < right; ++column) {
-                const double overlap = std::min(right, column + 1) - std::max(left, column);
-                const int wrapped = ((static_cast<int>(column) % width) + width) % width;
-                row_shares[static_cast<std::size_t>(wrapped)] +=
-                    std::max(0.0, overlap) * (2 * kPi / width) * std::sin(theta) * d_theta;
-            }
-        }
-        for (int column = 0; column < width; ++column) {
-            const double d_omega = row_shares[static_cast<std::size_t>(column)];
-            if (d_omega <= 0) continue;
-            shares.push_back({row, column, d_omega});
-            total += d_omega;
-        }
-    }
-    const double scale = 2 * kPi * (1 - std::cos(half_angle)) / total;
-    const Vec3 sun = sun_radiance(options);
-    for (const Share& share : shares) {
-        const double covered =
-            share.d_omega * scale / texel_solid_angle(share.row, height, 2 * kPi / width);
-        auto& texel =
-            image.radiance[static_cast<std::size_t>(share.row) * static_cast<std::size_t>(width) +
-                           static_cast<std::size_t>(share.column)];
-        texel[0] += static_cast<float>(covered * sun.x);
-        texel[1] += static_cast<float>(covered * sun.y);
-        texel[2] += static_cast<float>(covered * sun.z);
-    }
-}
-
 }  // namespace
 
 Vec3 sun_direction(const SkyOptions& options) {
@@ -180,8 +110,8 @@ Sky::Sky(const SkyOptions& options) : overcast_(options.overcast), sun_(sun_dire
         const double sin_half = std::sin(radians(kSunHalfAngleDeg));
         irradiance = irradiance + (kPi * sin_half * sin_half * sun_.y) * sun_radiance(options);
     }
-    constexpr Vec3 kDryGrass{0.16, 0.14, 0.09};
-    ground_ = (1 / kPi) * (kDryGrass * irradiance);
+    constexpr Vec3 kDryGround{0.24, 0.22, 0.18};
+    ground_ = (1 / kPi) * (kDryGround * irradiance);
 }
 
 Vec3 Sky::above_horizon(Vec3 w) const {
@@ -198,6 +128,76 @@ Vec3 Sky::above_horizon(Vec3 w) const {
 
 Vec3 Sky::radiance(Vec3 w) const {
     return w.y > 0 ? above_horizon(w) : ground_;
+}
+
+// In the polar angle theta about +Y, the disc spans the azimuths
+// within
+//
+//     delta(theta) = acos((cos a - cos theta cos theta_s) / (sin theta sin theta_s))
+//
+// of the sun's (spherical law of cosines; a is the half-angle), so a texel's share is a
+// one-dimensional integral over theta of exact azimuth overlaps. The shares are then scaled so
+// that together they are the disc's solid angle 2 pi (1 - cos a) to the last digit.
+void add_sun(const SkyOptions& options, SkyImage& image) {
+    const double half_angle = radians(kSunHalfAngleDeg);
+    const double theta_sun = radians(90 - options.sun_elevation_deg);
+    const double turns = options.sun_azimuth_deg / 360 + 0.5;
+    const double u_sun = turns - std::floor(turns);
+    const int width = image.width, height = image.height;
+
+    struct Share {
+        int row, column;
+        double d_omega;
+    };
+    std::vector<Share> shares;
+    std::vector<double> row_shares(static_cast<std::size_t>(width));
+    double total = 0;
+    const double theta_low = std::max(0.0, theta_sun - half_angle);
+    const double theta_high = std::min(kPi, theta_sun + half_angle);
+    const int first_row = std::clamp(static_cast<int>(theta_low / kPi * height), 0, height - 1);
+    const int last_row = std::clamp(static_cast<int>(theta_high / kPi * height), 0, height - 1);
+    for (int row = first_row; row <= last_row; ++row) {
+        std::fill(row_shares.begin(), row_shares.end(), 0.0);
+        const double begin = std::max(theta_low, kPi * row / height);
+        const double end = std::min(theta_high, kPi * (row + 1) / height);
+        constexpr int kSteps = 1024;
+        const double d_theta = (end - begin) / kSteps;
+        for (int step = 0; step < kSteps && d_theta > 0; ++step) {
+            const double theta = begin + (step + 0.5) * d_theta;
+            const double denominator = std::sin(theta) * std::sin(theta_sun);
+            const double numerator = std::cos(half_angle) - std::cos(theta) * std::cos(theta_sun);
+            // Within a half-angle of the pole the disc may go all the way round.
+            double delta = kPi;
+            if (numerator > -denominator)
+                delta = numerator < denominator ? std::acos(numerator / denominator) : 0;
+            const double half_width = delta / (2 * kPi) * width;
+            const double left = u_sun * width - half_width, right = u_sun * width + half_width;
+            for (double column = std::floor(left); column < right; ++column) {
+                const double overlap = std::min(right, column + 1) - std::max(left, column);
+                const int wrapped = ((static_cast<int>(column) % width) + width) % width;
+                row_shares[static_cast<std::size_t>(wrapped)] +=
+                    std::max(0.0, overlap) * (2 * kPi / width) * std::sin(theta) * d_theta;
+            }
+        }
+        for (int column = 0; column < width; ++column) {
+            const double d_omega = row_shares[static_cast<std::size_t>(column)];
+            if (d_omega <= 0) continue;
+            shares.push_back({row, column, d_omega});
+            total += d_omega;
+        }
+    }
+    const double scale = 2 * kPi * (1 - std::cos(half_angle)) / total;
+    const Vec3 sun = sun_radiance(options);
+    for (const Share& share : shares) {
+        const double covered =
+            share.d_omega * scale / texel_solid_angle(share.row, height, 2 * kPi / width);
+        auto& texel =
+            image.radiance[static_cast<std::size_t>(share.row) * static_cast<std::size_t>(width) +
+                           static_cast<std::size_t>(share.column)];
+        texel[0] += static_cast<float>(covered * sun.x);
+        texel[1] += static_cast<float>(covered * sun.y);
+        texel[2] += static_cast<float>(covered * sun.z);
+    }
 }
 
 SkyImage make_sky(const SkyOptions& options) {

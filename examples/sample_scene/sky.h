@@ -12,7 +12,7 @@ struct SkyOptions {
     int width = 1024;               ///< >= 1
     int height = 512;               ///< >= 1
     double sun_elevation_deg = 36;  ///< above the horizon, 1 .. 90
-    double sun_azimuth_deg = 120;   ///< about +Y: 0 is +X, 90 is +Z
+    double sun_azimuth_deg = 140;   ///< about +Y: 0 is +X, 90 is +Z
     double turbidity = 2.5;         ///< 2 is very clear, 4 is hazy; [Preetham99] holds for 2 .. 10
     bool overcast = false;          ///< the CIE overcast sky: no sun, no colour to speak of
     bool sun_disc = true;           ///< false leaves the disc out (the clear sky around it stays)
@@ -56,9 +56,12 @@ class Sky {
     Vec3 ground_;
 };
 
-/// Draws the sky, texel by texel. The sun's disc is box-filtered: each texel gets the disc's
-/// radiance times the share of its solid angle that the disc covers, so that the energy of the sun
-/// is the same at every size, down to a single texel.
+/// Adds the sun's disc to an image of any size. The disc is box-filtered: each texel gets its
+/// radiance times the share of the texel's solid angle that the disc covers, so that the energy of
+/// the sun is the same at every size, down to a single texel.
+void add_sun(const SkyOptions& options, SkyImage& image);
+
+/// Draws the sky and the ground, texel by texel, and the sun.
 SkyImage make_sky(const SkyOptions& options);
 
 }  // namespace envbake::sample

@@ -9,7 +9,7 @@ namespace envbake::sample {
 namespace {
 
 constexpr double kFloor = 0.24;  ///< height of the terrace above the ground, m
-constexpr int kRound = 224;      ///< segments of the large circles
+constexpr int kRound = 192;      ///< segments of the large circles
 
 Vec3 on_floor(double radius, double azimuth_deg, double y = kFloor) {
     const double azimuth = azimuth_deg * std::numbers::pi / 180;
@@ -50,8 +50,8 @@ void add_ground(Composer& scene) {
 
     const double tread = kFloor / 2;
     const Mesh ground =
-        lathe({line({0, -0.3, 0}, {4.14, -0.3, 0}, 2), line({4.2, -0.3, 0}, {4.2, -0.06, 0}, 0.08),
-               arc({4.14, -0.06, 0}, 0.06, 0, 90, 4), line({4.14, 0, 0}, {3.3, 0, 0}, 0.06)},
+        lathe({line({0, -0.3, 0}, {3.84, -0.3, 0}, 2), line({3.9, -0.3, 0}, {3.9, -0.06, 0}, 0.08),
+               arc({3.84, -0.06, 0}, 0.06, 0, 90, 4), line({3.84, 0, 0}, {3.3, 0, 0}, 0.06)},
               kRound);
     const Mesh steps = lathe(
         {line({3.3, 0, 0}, {3.3, tread, 0}, 0.06), line({3.3, tread, 0}, {2.98, tread, 0}, 0.05),
@@ -98,7 +98,7 @@ void add_colonnade(Composer& scene) {
                        line({ring - 0.27, y2, 0}, {ring - 0.27, y1, 0}, 0.04),
                        line({ring - 0.27, y1, 0}, {ring - 0.19, y1, 0}, 0.04),
                        line({ring - 0.19, y1, 0}, {ring - 0.19, y0, 0}, 0.05)},
-                      140, from, to);
+                      120, from, to);
     for (const double end : {from, to}) {
         const Vec3 outwards = on_floor(end == from ? -1 : 1, end + 90, 0);
         const auto cap = [&](double half_width, double low, double high, int rows) {
@@ -124,8 +124,8 @@ void add_sculpture(Composer& scene) {
         72);
     scene.place("pedestal", scene.mesh("pedestal", basalt, pedestal), {0, kFloor, 0});
     scene.place("trefoil",
-                scene.mesh("trefoil", gold, make_torus_knot(2, 3, 0.36, 0.17, 0.105, 288, 24)),
-                {0, kFloor + 0.56 + 0.6, 0}, 40);
+                scene.mesh("trefoil", gold, make_torus_knot(2, 3, 0.44, 0.21, 0.125, 300, 24)),
+                {0, kFloor + 0.56 + 0.72, 0}, 40);
 }
 
 void add_objects(Composer& scene) {
@@ -133,8 +133,8 @@ void add_objects(Composer& scene) {
     for (int i = 0; i < 5; ++i) {
         const std::string name = "copper " + std::to_string(i + 1);
         const int copper = scene.material(name, {0.96, 0.58, 0.44}, 1, ramp[i]);
-        scene.place(name, scene.mesh(name, copper, make_sphere(0.19, 48)),
-                    on_floor(1.95, 82 - 17.0 * i, kFloor + 0.19));
+        scene.place(name, scene.mesh(name, copper, make_sphere(0.24, 44)),
+                    on_floor(2.1, 88 - 19.0 * i, kFloor + 0.24));
     }
     const int lacquer = scene.material("red lacquer", {0.55, 0.025, 0.02}, 0, 0.12);
     const int blue = scene.material("blue lacquer", {0.02, 0.07, 0.30}, 0, 0.25);
@@ -142,8 +142,8 @@ void add_objects(Composer& scene) {
         scene.mesh("large box", lacquer, make_rounded_box({0.62, 0.42, 0.62}, 0.04, 12, 3));
     const int small =
         scene.mesh("small box", blue, make_rounded_box({0.34, 0.34, 0.34}, 0.03, 10, 3));
-    scene.place("large box", large, on_floor(1.75, 122, kFloor + 0.21), 20);
-    scene.place("small box", small, on_floor(1.78, 121, kFloor + 0.42 + 0.17), 52);
+    scene.place("large box", large, on_floor(1.85, 128, kFloor + 0.21), 20);
+    scene.place("small box", small, on_floor(1.88, 127, kFloor + 0.42 + 0.17), 52);
 
     const int clay = scene.material("terracotta", {0.52, 0.20, 0.10}, 0, 0.9);
     const Mesh vase = lathe(
@@ -151,10 +151,10 @@ void add_objects(Composer& scene) {
          arc({0.345, 0.62, 0}, 0.17, 220, 150, 8, true), arc({0.178, 0.712, 0}, 0.022, -20, 180, 6),
          arc({0.345, 0.62, 0}, 0.19, 150, 215, 8), line({0.189, 0.51, 0}, {0, 0.36, 0}, 0.06)},
         64);
-    scene.place("vase", scene.mesh("vase", clay, vase), on_floor(1.75, -12));
+    scene.place("vase", scene.mesh("vase", clay, vase), on_floor(1.8, -18));
     const int glaze = scene.material("celadon", {0.20, 0.42, 0.33}, 0, 0.18);
-    scene.place("ring", scene.mesh("ring", glaze, make_torus(0.27, 0.085, 72, 28)),
-                on_floor(1.28, 10, kFloor + 0.085));
+    scene.place("ring", scene.mesh("ring", glaze, make_torus(0.29, 0.085, 64, 24)),
+                on_floor(1.3, 8, kFloor + 0.085));
 }
 
 }  // namespace

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/render/preview.h"
+
+#include "baker/core/parallel.h"
+#include "baker/render/sight.h"
+#include "envbake/runtime/sh.h"
+#include "envbake/runtime/shade.h"
+
+#include <array>
+#include <cstddef>
+#include <numbers>
+#include <vector>
+
+namespace envbake {
+namespace {
+
+runtime::Vec3 to_runtime(const DVec3& v) {
+    return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
+}
+
+Vec3 from_runtime(const runtime::Rgb& c) {
+    return {c[0], c[1], c[2]};
+}
+
+Expected<void> check_same_scene(const Scene& scene, const runtime::Bundle& bundle) {
+    const auto baked = bundle.meshes();
+    if (baked.size() != scene.meshes.size()) {
+        return Error{Errc::InvalidBundle,
+                     concat(scene.file_name, " has ", scene.meshes.size(),
+                            " meshes, the bundle was baked from a scene with ", baked.size())};
+    }
+    for (std::size_t i = 0; i < baked.size(); ++i) {
+        if (baked[i].vertex_count != scene.meshes[i].vertex_count()) {
+            return Error{Errc::InvalidBundle,
+                         concat(scene.file_name, ": mesh/", i, " has ",
+                                scene.meshes[i].vertex_count(), " vertices, in the bundle it has ",
+                                baked[i].vertex_count, ": it was baked from another scene")};
+        }
+    }
+    if (bundle.lighting().bands == 0 && bundle.mips().level_count == 0) {
+        return Error{
+            Errc::InvalidBundle,
+            "the bundle holds no light (neither environment/sh nor environment/mips): bake "
+            "it with --env"};
+    }
+    return {};
+}
+
+/// Exit radiance of every vertex at albedo 1.
+std::vector<Vec3> vertex_light(const Mesh& mesh, const runtime::TransportView& transport,
+                               const runtime::ShLightingView& lighting) {
+    std::vector<Vec3> light(mesh.vertex_count());
+    if (transport.bands > 0) {
+        std::vector<runtime::Rgb> out(mesh.vertex_count());
+        runtime::diffuse_exit(transport, lighting, 0, out);
+        for (std::size_t i = 0; i < out.size(); ++i) light[i] = from_runtime(out[i]);
+    } else {
+        for (std::size_t i = 0; i < light.size(); ++i) {
+            light[i] =
+                from_runtime(runtime::irradiance(lighting, to_runtime(DVec3(mesh.normals[i])))) *
+                std::numbers::inv_pi_v<float>;
+        }
+    }
+    return light;
+}
+
+/// What stands behind the scene.
+Vec3 background_towards(const runtime::Bundle& bundle, const DVec3& direction) {
+    const runtime::MipsView& mips = bundle.mips();
+    if (mips.level_count > 0) {
+        const float roughness = mips.level_count > 1 ? static_cast<float>(mips.first) /
+                                                           static_cast<float>(mips.level_count - 1)
+                                                     : 0.0f;
+        return from_runtime(runtime::sample_mips(mips, to_runtime(direction), roughness));
+    }
+    const runtime::ShLightingView& lighting = bundle.lighting();
+    std::array<double, sh::coeff_count(sh::kMaxBundleBands)> basis{};
+    sh::evaluate(lighting.bands, direction.x, direction.y, direction.z, basis.data());
+    DVec3 sum(0);
+    for (std::size_t i = 0; i < lighting.coeffs.size() / 3; ++i) {
+        for (std::size_t c = 0; c < 3; ++c) {
+            sum[static_cast<int>(c)] += basis[i] * static_cast<double>(lighting.coeffs[3 * i + c]);
+        }
+    }
+    return Vec3(glm::max(sum, DVec3(0)));
+}
+
+}  // namespace
+
+Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
+                                 const runtime::Bundle& bundle, const Camera& camera,
+                                 const PreviewOptions& options, Progress& progress) {
+    ENVBAKE_TRY_VOID(check_same_scene(scene, bundle));
+    std::vector<std::vector<Vec3>> light(scene.meshes.size());
+    parallel_for(scene.meshes.size(), [&](std::size_t i) {
+        light[i] = vertex_light(scene.meshes[i], bundle.meshes()[i].diffuse, bundle.lighting());
+    });
+
+    const auto shade = [&](const SurfacePoint& point) {
+        const SurfaceMaterial material =
+            options.white_lambert ? white_material(point.material) : point.material;
+        const std::uint32_t* corner = &scene.meshes[point.mesh].triangles[3 * point.triangle];
+        const std::vector<Vec3>& at = light[point.mesh];
+        Vec3 sum = material.diffuse_albedo() *
+                   (point.barycentric.x * at[corner[0]] + point.barycentric.y * at[corner[1]] +
+                    point.barycentric.z * at[corner[2]]);
+        if (options.white_lambert) return sum;
+        if (material.r0 != Vec3(0)) {
+            sum += from_runtime(runtime::specular(
+                bundle, to_runtime(point.specular_normal), to_runtime(point.to_viewer),
+                material.perceptual_roughness, {material.r0.x, material.r0.y, material.r0.z}));
+        }
+        return glm::max(sum, Vec3(0)) + material.emission;
+    };
+
+    const auto width = static_cast<std::size_t>(camera.width);
+    const auto height = static_cast<std::size_t>(camera.height);
+    Picture picture{camera.width, camera.height, std::vector<Vec3>(width * height),
+                    std::vector<float>(width * height)};
+    const CameraRays rays(camera);
+    const double per_sight = 1.0 / (options.sights_per_axis * options.sights_per_axis);
+    progress.begin("preview", "rows", height);
+    parallel_for(height, [&](std::size_t row) {
+        std::vector<DVec2> points;
+        Sight sight;
+        for (int x = 0; x < camera.width; ++x) {
+            DVec3 sum(0);
+            double surface = 0;
+            pixel_points(camera, x, static_cast<int>(row), options.sights_per_axis, points);
+            for (const DVec2& at : points) {
+                const DVec3 direction = rays.towards(at.x, at.y);
+                look_along(scene, tracer, camera.position, direction, sight);
+                for (const Layer& layer : sight.layers)
+                    sum += DVec3(layer.weight * shade(layer.point));
+                surface += 1 - static_cast<double>(sight.background);
+                if (sight.background > 0)
+                    sum += DVec3(sight.background * background_towards(bundle, direction));
+            }
+            const std::size_t pixel = row * width + static_cast<std::size_t>(x);
+            picture.radiance[pixel] = Vec3(sum * per_sight);
+            picture.surface[pixel] = static_cast<float>(surface * per_sight);
+        }
+        progress.add(1);
+    });
+    return picture;
+}
+
+}  // namespace envbake
