@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "envbake/format/reader.h"
+#include "envbake/runtime/brdf.h"
+#include "envbake/runtime/half.h"
+
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+
+namespace envbake::runtime {
+
+/// Directions and positions in glTF world space: right-handed, +Y up, metres.
+using Vec3 = std::array<float, 3>;
+/// Linear, Rec. 709 primaries.
+using Rgb = std::array<float, 3>;
+
+inline constexpr int kMaxMipLevels = 16;
+
+/// Elements of f32 or f16 where they lie: in the file, or in the bundle's decoded block.
+struct FloatView {
+    const void* data = nullptr;
+    std::uint64_t count = 0;
+    bool is_half = false;
+
+    float operator[](std::uint64_t i) const {
+        return is_half ? half_to_float(static_cast<const std::uint16_t*>(data)[i])
+                       : static_cast<const float*>(data)[i];
+    }
+};
+
+/// "environment/sh": l_i = integral of L(w) Y_i(w) dw, basis of sh.h.
+struct ShLightingView {
+    int bands = 0;                  ///< 1 .. 10; 0: the bundle has none
+    std::span<const float> coeffs;  ///< [bands^2, 3]: slot sh::index(l, m), RGB; W m^-2
+};
+
+/// "environment/mips/K": prefiltered radiance, six faces of cube.h.
+struct MipLevel {
+    int face_size = 0;  ///< texels; 0: this level was not baked
+    FloatView texels;   ///< [6, face_size, face_size, 3], W sr^-1 m^-2
+};
+
+/// Level k holds perceptual roughness k / (level_count - 1). Levels first .. last are present: a
+/// scene whose materials are all rough needs no mirror.
+struct MipsView {
+    int level_count = 0;  ///< 0: the bundle has none
+    int first = 0;
+    int last = 0;
+    std::array<MipLevel, kMaxMipLevels> levels{};
+};
+
+/// "brdf/ggx": texel [row of roughness, column of n.v, A and B].
+struct BrdfTableView {
+    int rows = 0;  ///< 0: the bundle has none
+    int columns = 0;
+    TableAxes axes = TableAxes::SqrtEndPoints;
+    FloatView texels;
+};
+
+/// "mesh/I/diffuse": a row of bands^2 numbers a vertex, times channels where light bounces.
+struct TransportView {
+    std::uint64_t vertex_count = 0;
+    int bands = 0;     ///< 1 .. 10; 0: this mesh has none
+    int channels = 1;  ///< 1: the same for red, green, blue; 3: [bands^2, 3] a vertex
+    FloatView values;
+};
+
+/// A (node, primitive) pair of the default scene, depth first, in file order.
+struct Mesh {
+    std::uint32_t node = 0;  ///< glTF indices
+    std::uint32_t mesh = 0;
+    std::uint32_t primitive = 0;
+    std::uint64_t vertex_count = 0;
+    TransportView diffuse;
+};
+
+/// An array of any name.
+struct ArrayView {
+    format::ArrayInfo info;
+    const void* data = nullptr;
+};
+
+/// A bundle ready to shade with (shade.h). open() checks everything that is used afterwards: the
+/// types, the shapes, and the facts of the metadata. What is absent is empty, not an error; arrays
+/// and metadata fields of other names are skipped.
+///
+/// Uncompressed arrays are used in place. Compressed ones that shade.h needs are decoded by open()
+/// into one block, the only allocation; nothing allocates later. Move-only; views live as long as
+/// the bundle that handed them out, wherever it is moved to.
+///
+/// Threads: all const members may run on any number of threads at once.
+class Bundle {
+  public:
+    /// Maps a file.
+    ///
+    /// Errors:  all of format::Reader::open
+    ///          ArrayType, ArrayShape   an array is not as docs/format.md has it
+    ///          ArrayMissing            the mips that are present are not consecutive
+    ///          ArrayDecode, ArrayCodec a compressed array is damaged, or this build lacks zstd
+    ///          Metadata                a fact that an array needs is absent or out of range
+    ///          CannotRead              no memory for the decoded arrays (system_error ENOMEM)
+    [[nodiscard]] static format::Expected<Bundle> open(const char* path) noexcept;
+
+    /// Borrows memory that outlives the bundle; 8-byte aligned.
+    [[nodiscard]] static format::Expected<Bundle> open(std::span<const std::byte> bytes) noexcept;
+
+    const format::Reader& reader() const noexcept { return reader_; }
+
+    const ShLightingView& lighting() const noexcept { return lighting_; }
+    const MipsView& mips() const noexcept { return mips_; }
+    const BrdfTableView& brdf() const noexcept { return brdf_; }
+    std::span<const Mesh> meshes() const noexcept { return meshes_; }
+
+    /// An array in place; for those that shade.h does not use.
+    ///
+    /// Errors:  ArrayMissing
+    ///          ArrayCodec     compressed: decode it with reader().read(info, memory)
+    [[nodiscard]] format::Expected<ArrayView> array(std::string_view name) const noexcept;
+
+  private:
+    struct Free {
+        void operator()(std::byte* block) const noexcept;
+    };
+    class Arena;
+
+    explicit Bundle(format::Reader reader) noexcept : reader_(std::move(reader)) {}
+    static format::Expected<Bundle> load(format::Expected<format::Reader> reader) noexcept;
+
+    format::Expected<void> resolve(Arena& arena) noexcept;
+    format::Expected<void> resolve_lighting(Arena& arena) noexcept;
+    format::Expected<void> resolve_mips(Arena& arena) noexcept;
+    format::Expected<void> resolve_brdf(Arena& arena) noexcept;
+    format::Expected<void> resolve_meshes(Arena& arena) noexcept;
+    format::Expected<FloatView> place(const format::ArrayInfo& info, Arena& arena) const noexcept;
+    format::Error metadata_error() const noexcept;
+
+    format::Reader reader_;
+    std::unique_ptr<std::byte, Free> block_;
+    ShLightingView lighting_;
+    MipsView mips_;
+    BrdfTableView brdf_;
+    std::span<const Mesh> meshes_;
+};
+
+}  // namespace envbake::runtime

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "envbake/runtime/bundle.h"
+
+#include <cstdint>
+#include <span>
+
+namespace envbake::runtime {
+
+// Shading on the CPU from a bundle. Every function is pure, allocates nothing, never throws, and
+// may run on any number of threads at once. What a bundle lacks counts as 0: without lighting the
+// irradiance is 0, without mips or a table the specular reflection is.
+//
+// Directions are unit, glTF world space, away from the surface; none is normalised here.
+
+/// Irradiance on a surface that faces `n`.
+///
+///     E(n) = sum_l A_l sum_m l_lm Y_lm(n),  A_l of sh::clamped_cosine   (radiance 1 gives E = pi)
+///
+///   return  RGB, W m^-2. May be negative: behind a lone small light E dips to a few per cent of
+///           its peak below 0. Clamp where you shade, not where lighting is still to be blended.
+///
+/// Source: [Ramamoorthi01].
+[[nodiscard]] Rgb irradiance(const ShLightingView& lighting, const Vec3& n) noexcept;
+
+/// Exit radiance of a diffuse vertex of albedo 1, with its shadows: sum_i l_i T_i. Multiply by the
+/// albedo. Bands that only one side has count as 0. May be negative, as above.
+///
+///   row   [bands^2] of one vertex's transport
+[[nodiscard]] Rgb diffuse_exit(std::span<const float> row, const ShLightingView& lighting) noexcept;
+
+/// The same for `out.size()` vertices from `first` on, of 1 or 3 transport channels. Vertices past
+/// the end of the transport, and every vertex of a mesh without transport, get 0.
+void diffuse_exit(const TransportView& transport, const ShLightingView& lighting,
+                  std::uint64_t first, std::span<Rgb> out) noexcept;
+
+/// Prefiltered radiance seen along `direction` (any length but 0) by a lobe of a roughness. A GPU
+/// gives the same from a cube map with trilinear filtering and seamless edges:
+///
+///   levels   p = roughness * (level_count - 1), clamped to the levels present; the value is linear
+///            in p between levels floor(p) and floor(p) + 1.
+///   within   the direction meets face f at (u, v) in [-1, 1]^2 (cube.h). In texels,
+///            x = (u + 1) / 2 * size - 1/2, y = (v + 1) / 2 * size - 1/2: texel centres are at
+///            integers. The value is bilinear between the texels (floor(x), floor(y)),
+///            (floor(x) + 1, floor(y)), and so on, weighted by the fractions of x and y.
+///   edges    a texel that lies outside f beyond one edge is the texel of the adjoining face that
+///            touches that edge at the same place.
+///   corners  a texel beyond two edges does not exist: it is the mean of the other three, the three
+///            texels that meet in the corner of the cube.
+///
+/// So the value is continuous over the whole sphere.
+///
+///   perceptual_roughness   in [0, 1], clamped
+[[nodiscard]] Rgb sample_mips(const MipsView& mips, const Vec3& direction,
+                              float perceptual_roughness) noexcept;
+
+/// A and B of the specular albedo R0 A + B: bilinear between the four texels around
+/// table_position() of each axis (brdf.h); clamped to the table.
+struct SpecularAlbedo {
+    float a = 0, b = 0;
+};
+[[nodiscard]] SpecularAlbedo lookup_brdf(const BrdfTableView& table, float n_dot_v,
+                                         float perceptual_roughness) noexcept;
+
+/// Reflected radiance of the specular lobe in the split-sum form: sample_mips(R) (R0 A + B), where
+/// R is v mirrored at n. A view from below the surface counts as grazing, n.v = 0.
+///
+///   r0   reflectance at normal incidence, per channel: 0.04 for most dielectrics, the base colour
+///        of a metal
+///
+/// Source: [Karis13].
+[[nodiscard]] Rgb specular(const Bundle& bundle, const Vec3& n, const Vec3& v,
+                           float perceptual_roughness, const Rgb& r0) noexcept;
+
+}  // namespace envbake::runtime

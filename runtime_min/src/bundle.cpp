@@ -1,0 +1,310 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "envbake/runtime/bundle.h"
+
+#include "envbake/runtime/sh.h"
+#include "json_cursor.h"
+
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <new>
+#include <optional>
+#include <utility>
+
+namespace envbake::runtime {
+
+using format::ArrayInfo;
+using format::ElementType;
+using format::Errc;
+using format::Error;
+
+namespace {
+
+constexpr std::uint64_t kAlignment = 64;
+constexpr std::uint64_t kMaxMeshes = 1u << 24;
+constexpr std::uint64_t kMaxFaceSize = 1u << 15;
+constexpr std::uint64_t kMaxTableSize = 1u << 12;
+
+/// "mesh/12/diffuse", on the stack.
+class Name {
+  public:
+    Name(std::string_view head, std::uint64_t index, std::string_view tail = {}) noexcept {
+        add(head);
+        size_ = static_cast<std::size_t>(
+            std::to_chars(text_.data() + size_, text_.data() + text_.size(), index).ptr -
+            text_.data());
+        add(tail);
+    }
+    operator std::string_view() const noexcept { return {text_.data(), size_}; }
+
+  private:
+    void add(std::string_view part) noexcept {
+        std::memcpy(text_.data() + size_, part.data(), part.size());
+        size_ += part.size();
+    }
+    std::array<char, 64> text_{};
+    std::size_t size_ = 0;
+};
+
+/// n where coeff_count is n^2 for some n in 1 .. 10, otherwise 0.
+int bands_of(std::uint64_t coeff_count) {
+    for (int bands = 1; bands <= sh::kMaxBundleBands; ++bands) {
+        if (coeff_count == static_cast<std::uint64_t>(sh::coeff_count(bands))) return bands;
+    }
+    return 0;
+}
+
+Error error_in(Errc code, const ArrayInfo& info) {
+    return Error::at(code, info.offset, info.name);
+}
+
+}  // namespace
+
+/// Hands out pieces of the one block. Without memory it only adds up what will be needed: the same
+/// code runs twice.
+class Bundle::Arena {
+  public:
+    explicit Arena(std::byte* memory = nullptr) noexcept : memory_(memory) {}
+
+    bool has_memory() const noexcept { return memory_ != nullptr; }
+    std::uint64_t used() const noexcept { return used_; }
+    bool overflowed() const noexcept {
+        return used_ > std::numeric_limits<std::uint64_t>::max() / 4;
+    }
+
+    std::byte* take(std::uint64_t bytes) noexcept {
+        std::byte* piece = has_memory() ? memory_ + used_ : nullptr;
+        if (overflowed() || bytes > std::numeric_limits<std::uint64_t>::max() / 4) {
+            used_ = std::numeric_limits<std::uint64_t>::max();
+        } else {
+            used_ += (bytes + kAlignment - 1) / kAlignment * kAlignment;
+        }
+        return piece;
+    }
+
+  private:
+    std::byte* memory_;
+    std::uint64_t used_ = 0;
+};
+
+void Bundle::Free::operator()(std::byte* block) const noexcept {
+    ::operator delete(block, std::align_val_t(kAlignment));
+}
+
+format::Expected<Bundle> Bundle::open(const char* path) noexcept {
+    return load(format::Reader::open(path));
+}
+
+format::Expected<Bundle> Bundle::open(std::span<const std::byte> bytes) noexcept {
+    return load(format::Reader::open(bytes));
+}
+
+format::Expected<Bundle> Bundle::load(format::Expected<format::Reader> reader) noexcept {
+    if (!reader) return std::move(reader).error();
+    Bundle bundle(*std::move(reader));
+
+    Arena measure;
+    ENVBAKE_TRY_VOID(bundle.resolve(measure));
+    if (measure.used() > 0) {
+        void* memory = nullptr;
+        if (!measure.overflowed() && measure.used() <= std::numeric_limits<std::size_t>::max()) {
+            memory = ::operator new(static_cast<std::size_t>(measure.used()),
+                                    std::align_val_t(kAlignment), std::nothrow);
+        }
+        if (memory == nullptr) {
+            Error error = Error::at(Errc::CannotRead);
+            error.system_error = ENOMEM;
+            return error;
+        }
+        bundle.block_.reset(static_cast<std::byte*>(memory));
+        Arena arena(bundle.block_.get());
+        ENVBAKE_TRY_VOID(bundle.resolve(arena));
+    }
+    return bundle;
+}
+
+format::Expected<void> Bundle::resolve(Arena& arena) noexcept {
+    ENVBAKE_TRY_VOID(resolve_lighting(arena));
+    ENVBAKE_TRY_VOID(resolve_mips(arena));
+    ENVBAKE_TRY_VOID(resolve_brdf(arena));
+    return resolve_meshes(arena);
+}
+
+Error Bundle::metadata_error() const noexcept {
+    const std::optional<ArrayInfo> info = reader_.find(format::kMetadataName);
+    return Error::at(Errc::Metadata, info ? info->offset : 0, format::kMetadataName);
+}
+
+format::Expected<FloatView> Bundle::place(const ArrayInfo& info, Arena& arena) const noexcept {
+    if (info.type != ElementType::F32 && info.type != ElementType::F16) {
+        return error_in(Errc::ArrayType, info);
+    }
+    FloatView view{reader_.stored_bytes(info).data(), info.element_count(),
+                   info.type == ElementType::F16};
+    if (info.codec != format::Codec::None) {
+        std::byte* piece = arena.take(info.size);
+        view.data = piece;
+        if (arena.has_memory()) {
+            ENVBAKE_TRY_VOID(reader_.read(info, {piece, static_cast<std::size_t>(info.size)}));
+        }
+    }
+    return view;
+}
+
+format::Expected<void> Bundle::resolve_lighting(Arena& arena) noexcept {
+    const std::optional<ArrayInfo> info = reader_.find("environment/sh");
+    if (!info) return {};
+    if (info->type != ElementType::F32) return error_in(Errc::ArrayType, *info);
+    lighting_.bands = bands_of(info->shape[0]);
+    if (info->rank != 2 || lighting_.bands == 0 || info->shape[1] != 3) {
+        return error_in(Errc::ArrayShape, *info);
+    }
+    ENVBAKE_TRY(const FloatView view, place(*info, arena));
+    lighting_.coeffs = {static_cast<const float*>(view.data), static_cast<std::size_t>(view.count)};
+    return {};
+}
+
+format::Expected<void> Bundle::resolve_mips(Arena& arena) noexcept {
+    bool any = false;
+    for (int k = 0; k < kMaxMipLevels; ++k) {
+        const Name name("environment/mips/", static_cast<std::uint64_t>(k));
+        const std::optional<ArrayInfo> info = reader_.find(name);
+        if (!info) continue;
+        if (info->rank != 4 || info->shape[0] != 6 || info->shape[1] < 1 ||
+            info->shape[1] > kMaxFaceSize || info->shape[2] != info->shape[1] ||
+            info->shape[3] != 3) {
+            return error_in(Errc::ArrayShape, *info);
+        }
+        if (!any) mips_.first = k;
+        if (any && mips_.last != k - 1) {
+            return Error::at(Errc::ArrayMissing, 0,
+                             Name("environment/mips/", static_cast<std::uint64_t>(k - 1)));
+        }
+        any = true;
+        mips_.last = k;
+        MipLevel& level = mips_.levels[static_cast<std::size_t>(k)];
+        level.face_size = static_cast<int>(info->shape[1]);
+        ENVBAKE_TRY(level.texels, place(*info, arena));
+    }
+    if (!any) return {};
+
+    const JsonCursor metadata(reader_.metadata());
+    const std::optional<JsonCursor> count_field = metadata.find("environment/mips/count");
+    const std::optional<std::uint64_t> count =
+        count_field ? count_field->integer() : std::optional<std::uint64_t>{};
+    if (!count || *count > kMaxMipLevels || *count <= static_cast<std::uint64_t>(mips_.last)) {
+        return metadata_error();
+    }
+    mips_.level_count = static_cast<int>(*count);
+
+    // The roughness of a level follows from its number; a bundle that says otherwise is not ours
+    // to interpret.
+    const std::optional<JsonCursor> levels = metadata.find("environment/mips/levels");
+    const bool agrees = levels && levels->for_each_element([&](const JsonCursor& entry) {
+        const std::optional<JsonCursor> level_field = entry.find("level");
+        const std::optional<JsonCursor> roughness_field = entry.find("roughness");
+        if (!level_field || !roughness_field) return false;
+        const std::optional<std::uint64_t> level = level_field->integer();
+        const std::optional<double> roughness = roughness_field->number();
+        if (!level || *level >= *count || !roughness) return false;
+        const double expected =
+            *count > 1 ? static_cast<double>(*level) / static_cast<double>(*count - 1) : 0;
+        return std::abs(*roughness - expected) < 1e-4;
+    });
+    if (!agrees) return metadata_error();
+    return {};
+}
+
+format::Expected<void> Bundle::resolve_brdf(Arena& arena) noexcept {
+    const std::optional<ArrayInfo> info = reader_.find("brdf/ggx");
+    if (!info) return {};
+    const bool in_range = info->shape[0] >= 2 && info->shape[0] <= kMaxTableSize &&
+                          info->shape[1] >= 2 && info->shape[1] <= kMaxTableSize;
+    if (info->rank != 3 || !in_range || info->shape[2] != 2) {
+        return error_in(Errc::ArrayShape, *info);
+    }
+    const std::optional<JsonCursor> field = JsonCursor(reader_.metadata()).find("brdf/ggx/axes");
+    const std::optional<std::string_view> axes =
+        field ? field->string() : std::optional<std::string_view>{};
+    if (axes == "sqrt") {
+        brdf_.axes = TableAxes::SqrtEndPoints;
+    } else if (axes == "linear") {
+        brdf_.axes = TableAxes::LinearCentres;
+    } else {
+        return metadata_error();
+    }
+    brdf_.rows = static_cast<int>(info->shape[0]);
+    brdf_.columns = static_cast<int>(info->shape[1]);
+    ENVBAKE_TRY(brdf_.texels, place(*info, arena));
+    return {};
+}
+
+format::Expected<void> Bundle::resolve_meshes(Arena& arena) noexcept {
+    const std::optional<JsonCursor> list = JsonCursor(reader_.metadata()).find("meshes");
+    if (!list) return {};
+    std::uint64_t count = 0;
+    if (!list->for_each_element([&](const JsonCursor&) { return ++count <= kMaxMeshes; })) {
+        return metadata_error();
+    }
+    std::byte* storage = arena.take(count * sizeof(Mesh));
+    Mesh* meshes = reinterpret_cast<Mesh*>(storage);
+
+    std::uint64_t i = 0;
+    Error error;
+    const bool whole = list->for_each_element([&](const JsonCursor& entry) {
+        const auto integer = [&](std::string_view key, std::uint64_t limit, std::uint64_t& value) {
+            const std::optional<JsonCursor> field = entry.find(key);
+            const std::optional<std::uint64_t> number =
+                field ? field->integer() : std::optional<std::uint64_t>{};
+            value = number.value_or(0);
+            return number && *number <= limit;
+        };
+        constexpr std::uint64_t kMaxIndex = std::numeric_limits<std::uint32_t>::max();
+        std::uint64_t node = 0, mesh_index = 0, primitive = 0;
+        Mesh mesh;
+        if (!integer("node", kMaxIndex, node) || !integer("mesh", kMaxIndex, mesh_index) ||
+            !integer("primitive", kMaxIndex, primitive) ||
+            !integer("vertex_count", kMaxIndex, mesh.vertex_count)) {
+            error = metadata_error();
+            return false;
+        }
+        mesh.node = static_cast<std::uint32_t>(node);
+        mesh.mesh = static_cast<std::uint32_t>(mesh_index);
+        mesh.primitive = static_cast<std::uint32_t>(primitive);
+
+        if (const std::optional<ArrayInfo> info = reader_.find(Name("mesh/", i, "/diffuse"))) {
+            const bool coloured = info->rank == 3 && info->shape[2] == 3;
+            mesh.diffuse.vertex_count = mesh.vertex_count;
+            mesh.diffuse.bands = bands_of(info->shape[1]);
+            mesh.diffuse.channels = coloured ? 3 : 1;
+            if ((info->rank != 2 && !coloured) || mesh.diffuse.bands == 0 ||
+                info->shape[0] != mesh.vertex_count) {
+                error = error_in(Errc::ArrayShape, *info);
+                return false;
+            }
+            const format::Expected<FloatView> values = place(*info, arena);
+            if (!values) {
+                error = values.error();
+                return false;
+            }
+            mesh.diffuse.values = *values;
+        }
+        if (storage != nullptr) new (meshes + i) Mesh(mesh);
+        ++i;
+        return true;
+    });
+    if (!whole) return error.code != Errc::None ? error : metadata_error();
+    if (storage != nullptr) meshes_ = {meshes, static_cast<std::size_t>(count)};
+    return {};
+}
+
+format::Expected<ArrayView> Bundle::array(std::string_view name) const noexcept {
+    const std::optional<ArrayInfo> info = reader_.find(name);
+    if (!info) return Error::at(Errc::ArrayMissing, 0, name);
+    if (info->codec != format::Codec::None) return error_in(Errc::ArrayCodec, *info);
+    return ArrayView{*info, reader_.stored_bytes(*info).data()};
+}
+
+}  // namespace envbake::runtime

@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "envbake/runtime/bundle.h"
+
+#include "envbake/runtime/shade.h"
+#include "tests/unit/runtime/bundle_builder.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace envbake::runtime {
+namespace {
+
+using format::Codec;
+using format::Errc;
+using test::AlignedBytes;
+using test::BundleBuilder;
+
+constexpr const char* kMetadata = R"({
+  "tool": {"name": "test"},
+  "environment": {"mips": {"count": 5, "levels": [{"level": 1, "roughness": 0.25},
+                                                  {"level": 2, "roughness": 0.5}]}},
+  "brdf": {"ggx": {"axes": "linear"}},
+  "meshes": [
+    {"node": 4, "node_name": "tree", "mesh": 2, "mesh_name": "t", "primitive": 0, "vertex_count": 3},
+    {"node": 4, "node_name": "tree", "mesh": 2, "mesh_name": "t", "primitive": 1, "vertex_count": 0},
+    {"node": 7, "node_name": "lamp", "mesh": 0, "mesh_name": "l", "primitive": 0, "vertex_count": 2}]
+})";
+
+std::vector<float> ramp(std::size_t count, float scale = 1) {
+    std::vector<float> values(count);
+    for (std::size_t i = 0; i < count; ++i) values[i] = scale * static_cast<float>(i);
+    return values;
+}
+
+std::vector<format::Half> half_ramp(std::size_t count) {
+    std::vector<format::Half> values(count);
+    for (std::size_t i = 0; i < count; ++i) values[i] = {float_to_half(static_cast<float>(i))};
+    return values;
+}
+
+void fill(BundleBuilder& builder, Codec codec = Codec::None,
+          const std::string& metadata = kMetadata) {
+    builder.add("environment/sh", {25, 3}, ramp(75), codec)
+        .add("environment/mips/1", {6, 2, 2, 3}, half_ramp(72), codec)
+        .add("environment/mips/2", {6, 1, 1, 3}, ramp(18), codec)
+        .add("brdf/ggx", {2, 3, 2}, ramp(12, 0.01f), codec)
+        .add("mesh/0/diffuse", {3, 9}, ramp(27), codec)
+        .add("mesh/2/diffuse", {2, 4, 3}, ramp(24), codec)
+        .add("mesh/2/surprise", {2}, std::vector<std::uint16_t>{1, 2}, codec)
+        .metadata(metadata);
+}
+
+void expect_content(const Bundle& bundle) {
+    EXPECT_EQ(bundle.lighting().bands, 5);
+    ASSERT_EQ(bundle.lighting().coeffs.size(), 75u);
+    EXPECT_EQ(bundle.lighting().coeffs[74], 74);
+
+    const MipsView& mips = bundle.mips();
+    EXPECT_EQ(mips.level_count, 5);
+    EXPECT_EQ(mips.first, 1);
+    EXPECT_EQ(mips.last, 2);
+    EXPECT_EQ(mips.levels[0].face_size, 0);
+    EXPECT_EQ(mips.levels[1].face_size, 2);
+    EXPECT_TRUE(mips.levels[1].texels.is_half);
+    EXPECT_EQ(mips.levels[1].texels[71], 71);
+    EXPECT_EQ(mips.levels[2].texels[17], 17);
+
+    EXPECT_EQ(bundle.brdf().rows, 2);
+    EXPECT_EQ(bundle.brdf().columns, 3);
+    EXPECT_EQ(bundle.brdf().axes, TableAxes::LinearCentres);
+    EXPECT_EQ(bundle.brdf().texels[11], 11 * 0.01f);
+
+    ASSERT_EQ(bundle.meshes().size(), 3u);
+    const Mesh& first = bundle.meshes()[0];
+    EXPECT_EQ(first.node, 4u);
+    EXPECT_EQ(first.mesh, 2u);
+    EXPECT_EQ(first.vertex_count, 3u);
+    EXPECT_EQ(first.diffuse.bands, 3);
+    EXPECT_EQ(first.diffuse.channels, 1);
+    EXPECT_EQ(first.diffuse.values[26], 26);
+    EXPECT_EQ(bundle.meshes()[1].primitive, 1u);
+    EXPECT_EQ(bundle.meshes()[1].diffuse.bands, 0);
+    EXPECT_EQ(bundle.meshes()[2].diffuse.bands, 2);
+    EXPECT_EQ(bundle.meshes()[2].diffuse.channels, 3);
+    EXPECT_EQ(bundle.meshes()[2].diffuse.values[23], 23);
+}
+
+TEST(Bundle, ResolvesWhatItNeeds) {
+    for (const Codec codec : {Codec::None, Codec::Zstd}) {
+        BundleBuilder builder;
+        fill(builder, codec);
+        auto opened = Bundle::open(builder.finish().c_str());
+        ASSERT_TRUE(opened) << to_string(opened.error());
+        expect_content(*opened);
+        // Views survive a move.
+        const Bundle moved = *std::move(opened);
+        expect_content(moved);
+
+        const auto other = moved.array("mesh/2/surprise");
+        if (codec == Codec::Zstd) {
+            ASSERT_FALSE(other);
+            EXPECT_EQ(other.error().code, Errc::ArrayCodec);
+        } else {
+            ASSERT_TRUE(other);
+            EXPECT_EQ(static_cast<const std::uint16_t*>(other->data)[1], 2);
+            EXPECT_EQ(other->info.shape[0], 2u);
+        }
+        EXPECT_EQ(moved.array("mesh/9/diffuse").error().code, Errc::ArrayMissing);
+    }
+}
+
+TEST(Bundle, AbsentPartsAreEmptyAndShadeToZero) {
+    BundleBuilder builder;
+    builder.add("something/else", {1}, std::vector<float>{1});
+    const auto bundle = Bundle::open(builder.finish().c_str());
+    ASSERT_TRUE(bundle) << to_string(bundle.error());
+    EXPECT_TRUE(bundle->meshes().empty());
+    EXPECT_EQ(irradiance(bundle->lighting(), {0, 1, 0}), (Rgb{}));
+    EXPECT_EQ(specular(*bundle, {0, 1, 0}, {0, 1, 0}, 0.5f, {1, 1, 1}), (Rgb{}));
+    EXPECT_EQ(lookup_brdf(bundle->brdf(), 0.5f, 0.5f).a, 0);
+    std::vector<Rgb> out(2, Rgb{1, 1, 1});
+    diffuse_exit(TransportView{}, bundle->lighting(), 0, out);
+    EXPECT_EQ(out[1], (Rgb{}));
+}
+
+struct Fault {
+    const char* what;
+    std::function<void(BundleBuilder&)> build;
+    Errc code;
+};
+
+void PrintTo(const Fault& fault, std::ostream* out) {
+    *out << fault.what;
+}
+
+std::string with(const std::string& from, const std::string& to) {
+    std::string text = kMetadata;
+    return text.replace(text.find(from), from.size(), to);
+}
+
+class BadBundle : public testing::TestWithParam<Fault> {};
+
+TEST_P(BadBundle, IsRefusedByItsCode) {
+    for (const bool in_memory : {false, true}) {
+        BundleBuilder builder;
+        GetParam().build(builder);
+        const AlignedBytes bytes = builder.finish_in_memory();
+        const auto bundle = in_memory ? Bundle::open(std::as_const(bytes).bytes())
+                                      : Bundle::open(builder.finish().c_str());
+        ASSERT_FALSE(bundle);
+        EXPECT_EQ(bundle.error().code, GetParam().code) << to_string(bundle.error());
+    }
+}
+
+const Fault kFaults[] = {
+    {"sh of 7 coefficients",
+     [](BundleBuilder& b) {
+         b.add("environment/sh", {7, 3}, ramp(21));
+     },
+     Errc::ArrayShape},
+    {"sh of 11 bands",
+     [](BundleBuilder& b) {
+         b.add("environment/sh", {121, 3}, ramp(363));
+     },
+     Errc::ArrayShape},
+    {"sh of 4 channels",
+     [](BundleBuilder& b) {
+         b.add("environment/sh", {9, 4}, ramp(36));
+     },
+     Errc::ArrayShape},
+    {"flat sh", [](BundleBuilder& b) { b.add("environment/sh", {9}, ramp(9)); }, Errc::ArrayShape},
+    {"sh in f16",
+     [](BundleBuilder& b) {
+         b.add("environment/sh", {9, 3}, half_ramp(27));
+     },
+     Errc::ArrayType},
+    {"sh in u32",
+     [](BundleBuilder& b) {
+         b.add("environment/sh", {1, 3}, std::vector<std::uint32_t>{1, 2, 3});
+     },
+     Errc::ArrayType},
+    {"five faces",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/0", {5, 1, 1, 3}, ramp(15)).metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"oblong faces",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/0", {6, 2, 1, 3}, ramp(36)).metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"faces without texels",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/0", {6, 0, 0, 3}, ramp(0)).metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"mips in u8",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/0", {6, 1, 1, 3}, std::vector<std::uint8_t>(18))
+             .metadata(kMetadata);
+     },
+     Errc::ArrayType},
+    {"a missing mip",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/0", {6, 1, 1, 3}, ramp(18));
+         b.add("environment/mips/2", {6, 1, 1, 3}, ramp(18)).metadata(kMetadata);
+     },
+     Errc::ArrayMissing},
+    {"mips without metadata",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/0", {6, 1, 1, 3}, ramp(18));
+     },
+     Errc::Metadata},
+    {"more mips than the metadata counts",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/5", {6, 1, 1, 3}, ramp(18)).metadata(kMetadata);
+     },
+     Errc::Metadata},
+    {"another roughness", [](BundleBuilder& b) { fill(b, Codec::None, with("0.25", "0.35")); },
+     Errc::Metadata},
+    {"too many levels",
+     [](BundleBuilder& b) { fill(b, Codec::None, with("\"count\": 5", "\"count\": 17")); },
+     Errc::Metadata},
+    {"unknown axes", [](BundleBuilder& b) { fill(b, Codec::None, with("linear", "cubic")); },
+     Errc::Metadata},
+    {"a table of one row",
+     [](BundleBuilder& b) {
+         b.add("brdf/ggx", {1, 3, 2}, ramp(6)).metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"a table of three channels",
+     [](BundleBuilder& b) {
+         b.add("brdf/ggx", {2, 2, 3}, ramp(12)).metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"a mesh without vertex count",
+     [](BundleBuilder& b) { fill(b, Codec::None, with("\"vertex_count\": 3", "\"v\": 3")); },
+     Errc::Metadata},
+    {"another vertex count",
+     [](BundleBuilder& b) {
+         fill(b, Codec::None, with("\"vertex_count\": 3", "\"vertex_count\": 4"));
+     },
+     Errc::ArrayShape},
+    {"a negative node", [](BundleBuilder& b) { fill(b, Codec::None, with(": 7", ": -7")); },
+     Errc::Metadata},
+    {"meshes that are no list",
+     [](BundleBuilder& b) { fill(b, Codec::None, with("[\n    {\"node\": 4", "{\"x\": 4")); },
+     Errc::Metadata},
+    {"a mesh of half a band",
+     [](BundleBuilder& b) {
+         b.add("mesh/0/diffuse", {3, 5}, ramp(15)).metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"two channels",
+     [](BundleBuilder& b) {
+         b.add("mesh/0/diffuse", {3, 4, 2}, ramp(24)).metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+};
+INSTANTIATE_TEST_SUITE_P(Faults, BadBundle, testing::ValuesIn(kFaults));
+
+TEST(Bundle, MissingFileAndNoBundle) {
+    const auto missing = Bundle::open("/nonexistent/x.envb");
+    ASSERT_FALSE(missing);
+    EXPECT_EQ(missing.error().code, Errc::CannotOpen);
+    EXPECT_NE(missing.error().system_error, 0);
+    const AlignedBytes zeros(std::vector<std::byte>(256));
+    EXPECT_EQ(Bundle::open(zeros.bytes()).error().code, Errc::BadMagic);
+    EXPECT_EQ(Bundle::open(std::span<const std::byte>()).error().code, Errc::TooShort);
+}
+
+TEST(Bundle, EveryTruncationIsAnError) {
+    BundleBuilder builder;
+    fill(builder);
+    const AlignedBytes whole = builder.finish_in_memory();
+    for (std::size_t size = 0; size < whole.bytes().size(); ++size) {
+        const AlignedBytes cut(whole.bytes().first(size));
+        ASSERT_FALSE(Bundle::open(std::as_const(cut).bytes())) << size;
+    }
+}
+
+void use_everything(const Bundle& bundle) {
+    float sum = irradiance(bundle.lighting(), {0, 0, 1})[0];
+    for (const float r : {0.0f, 0.3f, 1.0f}) {
+        sum += specular(bundle, {0, 1, 0}, {0.6f, 0.8f, 0}, r, {0.5f, 0.5f, 0.5f})[1];
+    }
+    std::vector<Rgb> out(4);
+    for (const Mesh& mesh : bundle.meshes()) {
+        diffuse_exit(mesh.diffuse, bundle.lighting(), 0, out);
+        sum += out[0][0] + out[3][2];
+    }
+    volatile float sink = sum;
+    (void)sink;
+}
+
+// The contents of arrays are not covered by the checksums that open() verifies: the metadata of a
+// hostile file may say anything.
+TEST(Bundle, DamagedContentsNeverCrash) {
+    for (const Codec codec : {Codec::None, Codec::Zstd}) {
+        BundleBuilder builder;
+        fill(builder, codec);
+        const AlignedBytes good = builder.finish_in_memory();
+        const auto reader = format::Reader::open(good.bytes());
+        ASSERT_TRUE(reader);
+        std::uint32_t state = 7;
+        int opened = 0, refused = 0;
+        for (int round = 0; round < 3000; ++round) {
+            AlignedBytes bad(good.bytes());
+            for (int change = 0; change <= round % 3; ++change) {
+                state = state * 1664525 + 1013904223;
+                const auto array = reader->array((state >> 8) % reader->array_count());
+                state = state * 1664525 + 1013904223;
+                const std::size_t at = (state >> 8) % static_cast<std::size_t>(array.stored_size);
+                bad.bytes()[static_cast<std::size_t>(array.offset) + at] =
+                    static_cast<std::byte>(state >> 24);
+            }
+            const auto bundle = Bundle::open(std::as_const(bad).bytes());
+            bundle ? ++opened : ++refused;
+            if (bundle) use_everything(*bundle);
+        }
+        EXPECT_GT(opened, 100);
+        EXPECT_GT(refused, 100);
+    }
+}
+
+}  // namespace
+}  // namespace envbake::runtime
