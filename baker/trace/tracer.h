@@ -12,6 +12,9 @@
 
 namespace envbake {
 
+class HalfSpaceTree;
+class TraceSpace;
+
 /// Sixteen rays that leave one origin; structure of arrays, as Embree's packets want them.
 struct alignas(64) DirectionPacket {
     std::array<float, 16> x, y, z;
@@ -27,20 +30,34 @@ struct Hit {
 
 /// Answers visibility among a scene's triangles. Robust: no leaks at shared edges. Triangles that
 /// cannot be hit (zero area) are left out; triangles of materials with alpha mode BLEND cast no
-/// shadow and are seen only by closest().
-/// Threads: every query may run on any number of threads at once.
+/// shadow and are seen only by closest(). Where alpha mode MASK cuts a hole, rays go through.
+///
+/// Origins are world positions, in double because rays are traced in a space of finer grain
+/// (TraceSpace); directions need not be unit. An origin on a surface may or may not meet it:
+/// keep away by a few TraceSpace::resolution_at().
+///
+/// Threads: every query may run on any number of threads at once. Whether something is hit never
+/// depends on how the tree was built; closest() may name either of two triangles that it meets at
+/// exactly the same distance.
 class Tracer {
   public:
+    /// The scene must outlive the tracer where alpha mode MASK reads textures.
+    ///
+    /// Errors:  InvalidInput  a vertex of a triangle is not finite, or an index is out of range
+    ///          Failed        Embree cannot start, or is out of memory
     static Expected<Tracer> build(const Scene& scene);
     Tracer(Tracer&&) noexcept;
     Tracer& operator=(Tracer&&) noexcept;
     ~Tracer();
 
     /// Bit i set: ray i (of those set in `active`) meets an occluder.
-    std::uint32_t occluded16(const Vec3& origin, const DirectionPacket& directions,
+    std::uint32_t occluded16(const DVec3& origin, const DirectionPacket& directions,
                              std::uint32_t active = 0xffff) const;
-    bool occluded(const Vec3& origin, const Vec3& direction) const;
-    std::optional<Hit> closest(const Vec3& origin, const Vec3& direction) const;
+    bool occluded(const DVec3& origin, const DVec3& direction) const;
+    std::optional<Hit> closest(const DVec3& origin, const DVec3& direction) const;
+
+    const TraceSpace& space() const;
+    const HalfSpaceTree& half_spaces() const;
 
   private:
     struct State;

@@ -13,35 +13,60 @@
 namespace envbake {
 
 struct DiffuseJob {
-    int bands = 5;             ///< 1 .. 10
-    bool shadowed = true;      ///< false: the analytic unoccluded answer, no rays
-    double tolerance = 1e-2;   ///< rms over vertices of |T - T_true|_2 / |T_unoccluded|_2
-    int rays_per_vertex = 0;   ///< 0: chosen from the tolerance
+    int bands = 5;            ///< 1 .. 10
+    bool shadowed = true;     ///< false: the analytic unoccluded answer, no rays
+    double tolerance = 1e-2;  ///< rms over vertices of |T - T_true|_2 / |T_unoccluded|_2
+    int rays_per_vertex = 0;  ///< 0: chosen from the tolerance
     std::uint64_t seed = 0;
 };
 
+/// Every vertex is one of unreferenced, merged, free and traced.
 struct DiffuseReport {
     std::uint64_t vertex_count = 0;
     std::uint64_t unreferenced_count = 0;  ///< no triangle or no normal: T = 0, no rays
-    std::uint64_t merged_count = 0;        ///< equal to another vertex in position and normal: copied
-    std::uint64_t free_count = 0;          ///< nothing above the tangent plane: analytic, no rays
+    std::uint64_t merged_count = 0;  ///< equal to an earlier vertex in position and normal: copied
+    std::uint64_t free_count = 0;    ///< nothing above the tangent plane: analytic, no rays
     std::uint64_t traced_count = 0;
-    std::uint64_t ray_count = 0;           ///< without those of the error check
-    std::uint64_t check_ray_count = 0;
-    int rays_per_vertex = 0;               ///< of the traced ones
-    double error_rms = 0;     ///< relative, over all vertices; measured on a sample against 4 x the rays
-    double error_p999 = 0;    ///< 99.9th percentile over vertices, from the same sample
+    std::uint64_t ray_count = 0;        ///< without those of the error check
+    std::uint64_t check_ray_count = 0;  ///< of the error check, pilot included
+    int rays_per_vertex = 0;            ///< of the traced ones
+
+    /// Relative as DiffuseJob::tolerance, rms over all vertices. Measured on a sample of the traced
+    /// ones against an independent bake with four times the rays, plus one standard error of the
+    /// sample. Vertices that need no rays count as 0.
+    double error_rms = 0;
+    double error_p999 = 0;  ///< 99.9th percentile over all vertices, from the same sample
 };
+
+/// Rays per traced vertex that a bake of this job starts from: what a dense scan needs for the
+/// tolerance, or job.rays_per_vertex. A bake may settle on up to 4 times fewer or 8 times more.
+int expected_rays_per_vertex(const DiffuseJob& job);
+
+/// T_i of a surface that nothing occludes: A^_l / pi * Y_i(n), A^_l = sh::clamped_cosine(l).
+///   n     unit
+///   out   [bands^2]
+void unoccluded_transport(int bands, const DVec3& n, std::span<double> out);
 
 /// Bakes "mesh/I/diffuse", [vertices, bands^2] f32:
 ///
 ///     T_i = 1/pi * integral of V(w) max(0, n.w) Y_i(w) dw
 ///
-/// Rows are handed to `sink` in vertex order, block by block; no more than a block is in memory.
-/// Deterministic for any number of threads.
-Expected<DiffuseReport> bake_diffuse(const DiffuseJob& job, const Scene& scene, std::size_t mesh,
-                                     const Tracer& tracer,
-                                     const std::function<Expected<void>(std::span<const float>)>& sink,
-                                     Progress& progress);
+/// with n the shading normal and V the visibility from the vertex among all the scene's occluders
+/// (SurfacePoints says where exactly rays start). The result is T_unoccluded less the blocked rays
+/// of one quadrature set (RaySet), turned about each normal by an angle of the vertex's own: a
+/// vertex that meets nothing is exactly analytic, one that sees nothing is exactly 0.
+///
+/// The ray count follows the tolerance: a pilot on a sample of vertices scales the expected count
+/// by error ~ N^-0.8, then the sample is measured, and the count raised where it falls short. What
+/// was reached stands in the report; a tolerance out of reach of 2^18 rays is not an error.
+///
+/// Rows are handed to `sink` in vertex order, some at a time; memory does not grow with the mesh,
+/// except for rows that later vertices copy, kept until the last of them.
+/// Deterministic for any number of threads. An error of the sink ends the bake and is returned.
+///
+/// Errors:  Usage  bands, tolerance or rays_per_vertex is out of range
+Expected<DiffuseReport> bake_diffuse(
+    const DiffuseJob& job, const Scene& scene, std::size_t mesh, const Tracer& tracer,
+    const std::function<Expected<void>(std::span<const float>)>& sink, Progress& progress);
 
 }  // namespace envbake

