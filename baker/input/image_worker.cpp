@@ -197,6 +197,12 @@ Connection& connection() {
     return instance;
 }
 
+/// What the worker says in words.
+std::string text_of(const worker::Reply& reply) {
+    const auto end = std::find(reply.message.begin(), reply.message.end(), '\0');
+    return end == reply.message.begin() ? "damaged" : std::string(reply.message.begin(), end);
+}
+
 /// One request and its reply. A worker that has died between two requests is started again, once.
 Expected<worker::Reply> ask(worker::Request request, int input, int output, double seconds) {
     // What starting up, and a machine that is busy, may add to the time that the worker keeps
@@ -217,6 +223,9 @@ Expected<worker::Reply> ask(worker::Request request, int input, int output, doub
             received = shared.worker.receive(
                 reply, std::chrono::milliseconds(request.milliseconds) + kGrace);
         }
+        if (received == Worker::Received::Reply && reply.outcome == worker::Outcome::Unable) {
+            return failed(concat(kProgram, ": ", text_of(reply)));
+        }
         if (received == Worker::Received::Reply) return reply;
         shared.worker.stop();
         if (received == Worker::Received::Late) {
@@ -233,11 +242,9 @@ std::string complaint(const worker::Reply& reply, const ImageLimits& limits) {
     switch (reply.outcome) {
         case worker::Outcome::Done:
             return {};
-        case worker::Outcome::Refused: {
-            const auto end = std::find(reply.message.begin(), reply.message.end(), '\0');
-            return end == reply.message.begin() ? "damaged"
-                                                : std::string(reply.message.begin(), end);
-        }
+        case worker::Outcome::Refused:
+        case worker::Outcome::Unable:
+            return text_of(reply);
         case worker::Outcome::TimedOut:
             return concat("it takes more than ", limits.seconds, " s");
         case worker::Outcome::Crashed:

@@ -3,10 +3,13 @@
 
 #include "baker/input/image_worker/protocol.h"
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <span>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 /// The decoders and encoders of the worker. They run in a process that may crash, so they check
@@ -26,18 +29,33 @@ using Bytes = std::span<const std::byte>;
 using AllocatePixels = std::function<std::byte*(std::size_t bytes_per_texel)>;
 
 /// Refuses images that are empty or larger than the limits of protocol.h.
-void check_size(std::int64_t width, std::int64_t height);
+inline void check_size(std::int64_t width, std::int64_t height) {
+    const std::string size = std::to_string(width) + " x " + std::to_string(height) + " texels";
+    if (width < 1 || height < 1) throw Refusal("it claims " + size);
+    if (width > kMaxEdge || height > kMaxEdge || width * height > kMaxTexels) {
+        throw Refusal(size + "; at most " + std::to_string(kMaxEdge) + " along an edge and " +
+                      std::to_string(kMaxTexels) + " in all are read");
+    }
+}
 
-/// Sets every field of `reply` that describes the image, then allocates and fills the pixels:
-/// linear RGB floats, rows from the top.
+// The decoders set every field of `reply` that describes the image, then allocate and fill the
+// pixels, rows from the top.
+
+/// Linear RGB floats.
 void decode_exr(Bytes file, int threads, Reply& reply, const AllocatePixels& allocate);
-void decode_radiance(Bytes file, Reply& reply, const AllocatePixels& allocate);
-
-/// PNG and JPEG to 8-bit RGBA as stored: alpha not multiplied in, no colour conversion.
-void decode_rgba8(Bytes file, Reply& reply, const AllocatePixels& allocate);
-
-std::vector<unsigned char> encode_png(int width, int height, Bytes rgb);
 std::vector<unsigned char> encode_exr(int width, int height, Bytes rgb);
+
+/// What needs OpenImageIO. It is 100 times slower to load than OpenEXR, so it sits in a module that
+/// the worker loads when it first needs it, under this name:
+struct OiioCodecs {
+    /// Linear RGB floats of a .hdr file.
+    void (*decode_radiance)(Bytes file, Reply& reply, const AllocatePixels& allocate);
+    /// PNG and JPEG to 8-bit RGBA as stored: alpha not multiplied in, no colour conversion.
+    void (*decode_rgba8)(Bytes file, Reply& reply, const AllocatePixels& allocate);
+    std::vector<unsigned char> (*encode_png)(int width, int height, Bytes rgb);
+};
+inline constexpr const char* kOiioModule = "envbake-image-worker-oiio.so";  ///< beside the worker
+inline constexpr const char* kOiioSymbol = "envbake_oiio_codecs";
 
 inline bool starts_with(Bytes file, std::span<const unsigned char> magic) {
     if (file.size() < magic.size()) return false;

@@ -6,6 +6,7 @@
 
 #include <ImfThreading.h>
 
+#include <dlfcn.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -16,35 +17,17 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <new>
+#include <stdexcept>
 #include <string>
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define ENVBAKE_SANITIZED 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define ENVBAKE_SANITIZED 1
-#endif
-#endif
-
 namespace envbake::worker {
-
-void check_size(std::int64_t width, std::int64_t height) {
-    if (width >= 1 && height >= 1 && width <= kMaxEdge && height <= kMaxEdge &&
-        width * height <= kMaxTexels) {
-        return;
-    }
-    const std::string size = std::to_string(width) + " x " + std::to_string(height) + " texels";
-    throw Refusal(width < 1 || height < 1
-                      ? "it claims " + size
-                      : size + "; at most " + std::to_string(kMaxEdge) + " along an edge and " +
-                            std::to_string(kMaxTexels) + " in all are read");
-}
 
 namespace {
 
@@ -63,14 +46,22 @@ rlim_t address_space() {
     return rlim_t{pages} * static_cast<rlim_t>(sysconf(_SC_PAGESIZE));
 }
 
+// GCC says it by macros, clang by features.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kSanitized = true;
+#elif defined(__has_feature)
+constexpr bool kSanitized = __has_feature(address_sanitizer) || __has_feature(thread_sanitizer);
+#else
+constexpr bool kSanitized = false;
+#endif
+
 /// Sanitizers reserve terabytes of address space: under them there is no limit.
-void limit_memory([[maybe_unused]] rlim_t output_bytes) {
-#ifndef ENVBAKE_SANITIZED
+void limit_memory(rlim_t output_bytes) {
+    if (kSanitized) return;
     rlimit limit{};
     getrlimit(RLIMIT_AS, &limit);
     limit.rlim_cur = std::min(limit.rlim_max, address_space() + kWorkingBytes + output_bytes);
     setrlimit(RLIMIT_AS, &limit);
-#endif
 }
 
 void limit_time(int milliseconds) {
@@ -109,6 +100,32 @@ void write_all(int file, const std::vector<unsigned char>& bytes) {
     }
 }
 
+/// Loaded by the worker itself, so that its children have it already.
+const OiioCodecs* oiio = nullptr;
+
+/// True for everything but .exr. Of the input, the worker itself reads no more than the magic.
+bool needs_oiio(Task task, int input) {
+    if (task != Task::DecodeFloat) return task != Task::EncodeExr;
+    std::array<std::byte, kRadianceMagic.size()> start{};
+    return pread(input, start.data(), start.size(), 0) == static_cast<ssize_t>(start.size()) &&
+           starts_with(start, kRadianceMagic);
+}
+
+/// Throws what the dynamic linker says.
+void load_oiio() {
+    if (oiio) return;
+    std::array<char, 4096> self{};
+    const ssize_t size = readlink("/proc/self/exe", self.data(), self.size());
+    if (size <= 0 || size == static_cast<ssize_t>(self.size()))
+        throw std::runtime_error("no /proc");
+    std::string path(self.data(), static_cast<std::size_t>(size));
+    path.replace(path.rfind('/') + 1, std::string::npos, kOiioModule);
+    void* const module = dlopen(path.c_str(), RTLD_LAZY | RTLD_LOCAL);
+    void* const symbol = module ? dlsym(module, kOiioSymbol) : nullptr;
+    if (!symbol) throw std::runtime_error(dlerror());
+    oiio = static_cast<const OiioCodecs*>(symbol);
+}
+
 void run(const Request& request, int input, int output, Reply& reply) {
     const int threads = std::clamp(request.threads, 1, kMaxThreads);
     if (threads > 1) Imf::setGlobalThreadCount(threads);
@@ -128,14 +145,15 @@ void run(const Request& request, int input, int output, Reply& reply) {
         case Task::DecodeFloat:
             if (file.empty()) throw Refusal("it is empty");
             if (starts_with(file, kExrMagic)) return decode_exr(file, threads, reply, allocate);
-            if (starts_with(file, kRadianceMagic)) return decode_radiance(file, reply, allocate);
+            if (starts_with(file, kRadianceMagic))
+                return oiio->decode_radiance(file, reply, allocate);
             throw Refusal("neither Radiance .hdr nor OpenEXR");
         case Task::DecodeRgba8:
             if (file.empty()) throw Refusal("it is empty");
-            return decode_rgba8(file, reply, allocate);
+            return oiio->decode_rgba8(file, reply, allocate);
         case Task::EncodePng:
             check_pixels(3);
-            return write_all(output, encode_png(request.width, request.height, file));
+            return write_all(output, oiio->encode_png(request.width, request.height, file));
         case Task::EncodeExr:
             check_pixels(3 * sizeof(float));
             return write_all(output, encode_exr(request.width, request.height, file));
@@ -179,6 +197,12 @@ void set_message(Reply& reply, std::string text) {
 /// Runs a request in a child of its own; whatever becomes of the child is an outcome.
 void serve(const Request& request, int input, int output, Reply& reply) {
     reply = Reply{};
+    try {
+        if (needs_oiio(request.task, input)) load_oiio();
+    } catch (const std::exception& e) {
+        reply.outcome = Outcome::Unable;
+        return set_message(reply, e.what());
+    }
     const pid_t child = fork();
     if (child == 0) run_in_child(request, input, output, reply);
     if (child < 0) {

@@ -84,8 +84,6 @@ RadianceHeader check_radiance_header(Bytes file) {
     return header;
 }
 
-}  // namespace
-
 void decode_radiance(Bytes file, Reply& reply, const AllocatePixels& allocate) {
     const RadianceHeader header = check_radiance_header(file);
     OIIO::Filesystem::IOMemReader reader = reader_of(file);
@@ -164,4 +162,11 @@ std::vector<unsigned char> encode_png(int width, int height, Bytes rgb) {
     return writer.buffer();
 }
 
+}  // namespace
 }  // namespace envbake::worker
+
+// The name is that of kOiioSymbol.
+extern "C" const envbake::worker::OiioCodecs envbake_oiio_codecs{
+    .decode_radiance = envbake::worker::decode_radiance,
+    .decode_rgba8 = envbake::worker::decode_rgba8,
+    .encode_png = envbake::worker::encode_png};

@@ -41,6 +41,7 @@ enum class Outcome : std::uint32_t {
     Crashed,   ///< by a signal, or with a status of its own: `message` is empty
     TimedOut,  ///< `milliseconds` have passed
     Refused,   ///< `message` says why
+    Unable,    ///< the worker itself lacks something: `message` says what
     Done,
 };
 
