@@ -29,7 +29,7 @@ say "what is in the bundle"
 "$bin/envbake" validate "$out/scene.envb"
 
 say "render through the runtime"
-"$bin/envbake" render "$out/scene.envb" "$out/scene.glb" --env "$out/sky.hdr" -o "$out/scene.png"
+"$bin/envbake" render "$out/scene.envb" "$out/scene.glb" -o "$out/scene.png"
 
 say "done"
 for file in sky.hdr scene.glb scene.envb scene.png; do

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/commands/command.h"
+#include "baker/commands/progress_printer.h"
+#include "baker/core/parallel.h"
+#include "baker/core/text.h"
+#include "baker/input/image_worker.h"
+#include "baker/input/read_environment.h"
+#include "baker/input/read_scene.h"
+#include "baker/pipeline/file_hash.h"
+#include "baker/pipeline/metadata.h"
+#include "baker/render/camera.h"
+#include "baker/render/compare.h"
+#include "baker/render/preview.h"
+#include "baker/render/reference.h"
+#include "baker/render/tone_map.h"
+
+#include "envbake/runtime/bundle.h"
+
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+namespace envbake {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RenderOptions {
+    fs::path bundle, scene, output, environment;
+    std::vector<double> camera, look_at;
+    double fov_deg = 35;
+    std::vector<int> size{1280, 720};
+    int sights_per_axis = 3;
+    bool white = false;
+    std::optional<double> exposure;
+    bool reference = false;
+    int reference_samples = 256;
+    int threads = 0;
+    bool quiet = false;
+};
+
+/// scene.png -> scene.reference.png
+fs::path beside(const fs::path& image, const char* kind) {
+    return image.parent_path() /
+           concat(image.stem().string(), ".", kind, image.extension().string());
+}
+
+Error not_an_image_name(const fs::path& file) {
+    return {Errc::Usage, concat(file.string(), ": the name must end in .png or .exr")};
+}
+
+Expected<void> write_display(const fs::path& file, const DisplayPicture& picture) {
+    return write_png(file, picture.width, picture.height, picture.rgb);
+}
+
+/// .png tone-mapped, .exr as it is.
+Expected<void> write_picture(const fs::path& file, const Picture& picture, double exposure) {
+    if (file.extension() == ".png") return write_display(file, tone_map(picture, exposure));
+    std::vector<float> rgb;
+    rgb.reserve(3 * picture.radiance.size());
+    for (const Vec3& L : picture.radiance) rgb.insert(rgb.end(), {L.x, L.y, L.z});
+    return write_exr(file, picture.width, picture.height, rgb);
+}
+
+/// A - b: false colour for .png, signed numbers for .exr.
+Expected<void> write_difference(const fs::path& file, const Picture& a, const Picture& b) {
+    if (file.extension() == ".png") return write_display(file, difference_picture(a, b));
+    Picture difference = a;
+    for (std::size_t i = 0; i < a.radiance.size(); ++i) difference.radiance[i] -= b.radiance[i];
+    return write_picture(file, difference, 1);
+}
+
+/// Refuses a scene or an environment other than the one the bundle was baked from.
+Expected<void> require_same_input(const RenderOptions& options, const Json& metadata,
+                                  const char* role, const fs::path& file) {
+    ENVBAKE_TRY(const FileHash hash, hash_file(file));
+    for (const Json& input : metadata.value("inputs", Json::array()))
+        if (input.value("role", "") == role && input.value("xxh3", "") == hash.xxh3) return {};
+    return Error{Errc::InvalidBundle, concat(options.bundle.string(), ": was baked from another ",
+                                             role, " than ", file.string(), "; bake it again")};
+}
+
+Camera make_camera(const RenderOptions& options, const Scene& scene, const Tracer& tracer) {
+    const int width = options.size[0], height = options.size[1];
+    Camera camera = frame_scene(scene, tracer, width, height);
+    const auto vector = [](const std::vector<double>& v) { return DVec3(v[0], v[1], v[2]); };
+    if (!options.camera.empty()) {
+        camera.position = vector(options.camera);
+        camera.vertical_fov_deg = options.fov_deg;
+    }
+    if (!options.look_at.empty()) camera.target = vector(options.look_at);
+    return camera;
+}
+
+std::string percent(double fraction) {
+    return format_number(100 * fraction) + " %";
+}
+
+void print_comparison(const char* with, const Picture& picture, const Picture& reference,
+                      double noise, std::ostream& out) {
+    const Comparison c = compare(picture, reference);
+    out << "against " << with << ": relative RMSE " << percent(c.relative_rmse)
+        << ", mean difference " << percent(c.relative_mean_difference) << ", reference noise "
+        << percent(noise) << ", " << format_count(c.pixel_count) << " pixels\n";
+}
+
+std::vector<Vec3> lighting_of(const runtime::Bundle& bundle) {
+    std::vector<Vec3> coeffs;
+    const auto values = bundle.lighting().coeffs;
+    for (std::size_t i = 0; i + 2 < values.size(); i += 3)
+        coeffs.emplace_back(values[i], values[i + 1], values[i + 2]);
+    return coeffs;
+}
+
+Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostream& err) {
+    const std::string extension = options.output.extension().string();
+    if (extension != ".png" && extension != ".exr") return not_an_image_name(options.output);
+    if (options.reference && options.environment.empty())
+        return Error{Errc::Usage,
+                     "--reference needs the environment that the bundle was baked from: --env"};
+    start_image_worker();
+    const ThreadLimit limit(options.threads);
+    Progress progress;
+    std::optional<ProgressPrinter> printer;
+    if (!options.quiet) printer.emplace(progress, err);
+
+    const auto bundle = runtime::Bundle::open(options.bundle.c_str());
+    if (!bundle) {
+        const bool system = bundle.error().system_error != 0;
+        return Error{system ? Errc::Failed : Errc::InvalidBundle,
+                     concat(options.bundle.string(), ": ", format::to_string(bundle.error()))};
+    }
+    const Json metadata = Json::parse(bundle->reader().metadata(), nullptr, false);
+    ENVBAKE_TRY_VOID(require_same_input(options, metadata, "scene", options.scene));
+    ENVBAKE_TRY(const Scene scene, read_scene(options.scene));
+    ENVBAKE_TRY(const Tracer tracer, Tracer::build(scene));
+    const Camera camera = make_camera(options, scene, tracer);
+    const PreviewOptions preview_options{.sights_per_axis = options.sights_per_axis,
+                                         .white_lambert = options.white};
+    ENVBAKE_TRY(const Picture picture,
+                render_preview(scene, tracer, *bundle, camera, preview_options, progress));
+    const double exposure =
+        options.exposure ? std::exp2(*options.exposure) : auto_exposure(picture);
+    ENVBAKE_TRY_VOID(write_picture(options.output, picture, exposure));
+    if (!options.reference) return {};
+
+    ENVBAKE_TRY_VOID(require_same_input(options, metadata, "environment", options.environment));
+    ENVBAKE_TRY(const Environment environment, read_environment(options.environment));
+    const std::vector<Vec3> lighting = lighting_of(*bundle);
+    ReferenceOptions reference_options;
+    reference_options.samples_per_pixel = options.reference_samples;
+    reference_options.sights_per_axis = options.sights_per_axis;
+    reference_options.white_lambert = options.white;
+    if (options.white) reference_options.truncated_light = lighting;
+    const Reference reference =
+        render_reference(scene, tracer, environment, camera, reference_options, progress);
+    printer.reset();
+    print_comparison("the reference", picture, reference.picture, reference.noise_rms, out);
+    if (reference.truncated)
+        print_comparison(concat("the same light in ", bundle->lighting().bands, " bands").c_str(),
+                         picture, *reference.truncated, reference.truncated_noise_rms, out);
+    ENVBAKE_TRY_VOID(
+        write_picture(beside(options.output, "reference"), reference.picture, exposure));
+    return write_difference(beside(options.output, "difference"), picture, reference.picture);
+}
+
+}  // namespace
+
+RunCommand declare_render(CLI::App& app) {
+    const auto options = std::make_shared<RenderOptions>();
+    app.add_option("bundle", options->bundle, "Bundle (.envb)")->required();
+    app.add_option("scene", options->scene, "The scene it was baked from (.glb, .gltf)")
+        ->required();
+    app.add_option("-o,--output", options->output,
+                   "Picture to write: .png tone-mapped, .exr linear")
+        ->required();
+    app.add_option("--camera", options->camera,
+                   "Camera position X,Y,Z in metres; default: frames the scene")
+        ->expected(3)
+        ->delimiter(',');
+    app.add_option("--look-at", options->look_at, "Point X,Y,Z in the middle of the picture")
+        ->expected(3)
+        ->delimiter(',');
+    app.add_option("--fov", options->fov_deg, "Vertical field of view in degrees, with --camera")
+        ->capture_default_str()
+        ->check(CLI::Range(1.0, 170.0));
+    app.add_option("--size", options->size, "Picture size WxH in pixels")
+        ->expected(2)
+        ->delimiter('x')
+        ->default_str("1280x720")
+        ->check(CLI::Range(1, 16384));
+    app.add_option("--sights", options->sights_per_axis,
+                   "Lines of sight through a pixel, along each axis")
+        ->capture_default_str()
+        ->check(CLI::Range(1, 16));
+    app.add_option("--exposure", options->exposure,
+                   "Exposure of the .png in stops; default: by the picture");
+    app.add_flag("--white", options->white,
+                 "White paper in place of every material: the diffuse part alone");
+    app.add_option("--env", options->environment,
+                   "The environment it was baked from; for --reference");
+    app.add_flag(
+        "--reference", options->reference,
+        "Also trace the truth: writes IMAGE.reference and IMAGE.difference, prints the error");
+    app.add_option("--reference-samples", options->reference_samples, "Light samples a pixel")
+        ->capture_default_str()
+        ->check(CLI::Range(2, 1 << 20));
+    app.add_option("--threads", options->threads, "Threads; 0 uses every core")
+        ->capture_default_str()
+        ->check(CLI::Range(0, 4096));
+    app.add_flag("-q,--quiet", options->quiet, "Print no progress");
+    return [options](std::ostream& out, std::ostream& err) {
+        const auto done = render(*options, out, err);
+        return done ? ExitCode::Done : report(done.error(), err);
+    };
+}
+
+}  // namespace envbake
