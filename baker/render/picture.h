@@ -14,7 +14,7 @@ struct Picture {
     int width = 0;
     int height = 0;
     std::vector<Vec3> radiance;  ///< width * height
-    std::vector<float> surface;  ///< width * height: 1 where no background shines through, 0 .. 1
+    std::vector<float> surface;  ///< width * height, 0 .. 1: share that is scene, not background
 
     /// A pixel that counts as scene and not as sky when pictures are measured.
     bool is_surface(std::size_t pixel) const { return surface[pixel] > 0.999f; }

@@ -130,9 +130,12 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
             for (const DVec2& at : points) {
                 const DVec3 direction = rays.towards(at.x, at.y);
                 look_along(scene, tracer, camera.position, direction, sight);
-                for (const Layer& layer : sight.layers)
+                for (const Layer& layer : sight.layers) {
                     sum += DVec3(layer.weight * shade(layer.point));
-                surface += 1 - static_cast<double>(sight.background);
+                    const bool measured = !options.white_lambert ||
+                                          bundle.meshes()[layer.point.mesh].diffuse.bands > 0;
+                    if (measured) surface += static_cast<double>(layer.weight);
+                }
                 if (sight.background > 0)
                     sum += DVec3(sight.background * background_towards(bundle, direction));
             }

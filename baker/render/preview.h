@@ -22,7 +22,8 @@ struct PreviewOptions {
 ///                + prefiltered(reflect(v), roughness) * (R0 A + B)
 ///
 /// The two reflections are added as they are, as in reference.h; the specular one has no shadows.
-/// A mesh without transport is lit by the irradiance of its normals, without shadows. Behind the
+/// A mesh without transport is lit by the irradiance of its normals, without shadows; with
+/// `white_lambert`, which is there to measure transport, it does not count as surface. Behind the
 /// scene stands the sharpest mip of the bundle, or, without mips, its SH lighting.
 ///
 /// Light that the SH basis makes negative is cut at 0 after shading, except with `white_lambert`,

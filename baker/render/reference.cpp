@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <numbers>
 #include <vector>
@@ -131,17 +132,31 @@ class TruncatedLight {
         for (std::size_t i = 0; i < coeffs_.size(); ++i) sum += basis[i] * DVec3(coeffs_[i]);
         return sum;
     }
+    /// Exit radiance of a white Lambert surface that faces `n` and has nothing above it, exactly.
+    DVec3 unoccluded_exit(const DVec3& n) const {
+        std::array<double, sh::coeff_count(sh::kMaxBundleBands)> basis{};
+        sh::evaluate(bands_, n.x, n.y, n.z, basis.data());
+        DVec3 sum(0);
+        for (int l = 0; l < bands_; ++l) {
+            const double cosine = sh::clamped_cosine(l) / std::numbers::pi;
+            for (auto i = static_cast<std::size_t>(sh::index(l, -l));
+                 i <= static_cast<std::size_t>(sh::index(l, l)); ++i)
+                sum += cosine * basis[i] * DVec3(coeffs_[i]);
+        }
+        return sum;
+    }
 
   private:
     std::span<const Vec3> coeffs_;
     int bands_ = 0;
 };
 
-/// Light that arrives if its ray is free, sixteen rays at a time.
+/// Adds up light whose ray is free, and truncated light whose ray is blocked; sixteen rays at a
+/// time.
 class Shadows {
   public:
     struct Sums {
-        DVec3 light{0}, truncated{0};
+        DVec3 light{0}, truncated{0};  ///< truncated: what is missing from the unoccluded answer
     };
     Shadows(const Tracer& tracer, const DVec3& origin) : tracer_(tracer), origin_(origin) {}
 
@@ -164,9 +179,10 @@ class Shadows {
         }
         const std::uint32_t blocked = tracer_.occluded16(origin_, packet_, active);
         for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-            if (blocked >> i & 1) continue;
-            sums_[i]->light += light_[i].light;
-            sums_[i]->truncated += light_[i].truncated;
+            if (blocked >> i & 1)
+                sums_[i]->truncated += light_[i].truncated;
+            else
+                sums_[i]->light += light_[i].light;
         }
         count_ = 0;
     }
@@ -225,9 +241,13 @@ Halves direct_light(const View& view, const SurfacePoint& point, int samples,
         }
     }
     shadows.flush();
+    // Of the truncated light only the blocked part is left to chance: integral of V f L is integral
+    // of f L, known, less that of (1 - V) f L.
+    const DVec3 unoccluded =
+        view.truncated.given() ? view.truncated.unoccluded_exit(point.normal) : DVec3(0);
     for (Shadows::Sums& sums : halves) {
         sums.light /= samples;
-        sums.truncated /= samples;
+        sums.truncated = unoccluded - sums.truncated / static_cast<double>(samples);
     }
     return halves;
 }
@@ -258,6 +278,7 @@ Reference render_reference(const Scene& scene, const Tracer& tracer, const Envir
                            const Camera& camera, const ReferenceOptions& options,
                            Progress& progress) {
     const EnvironmentSampler sampler(environment);
+    assert(options.truncated_light.empty() || options.white_lambert);
     const TruncatedLight truncated(options.truncated_light);
     const View view{scene, tracer, sampler, truncated, options};
     const CameraRays rays(camera);

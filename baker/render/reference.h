@@ -25,8 +25,9 @@ struct ReferenceOptions {
     bool white_lambert = false;  ///< albedo 1 and no specular in place of every material
     std::uint64_t seed = 0;
     LightSampling sampling = LightSampling::Mis;
-    /// If given, n^2 coefficients: a second picture is rendered by the light sum_i l_i Y_i(w), from
-    /// the same rays. Against it a preview shows the error of transport and interpolation alone.
+    /// If given, n^2 coefficients, n <= 10: a second picture is rendered by the light
+    /// sum_i l_i Y_i(w), from the same rays. Against it a preview shows the error of transport and
+    /// interpolation alone. Only with white_lambert.
     std::span<const Vec3> truncated_light = {};
 };
 

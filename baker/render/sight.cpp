@@ -94,7 +94,7 @@ void look_along(const Scene& scene, const Tracer& tracer, const DVec3& origin,
         layer.weight = sight.background * alpha;
         sight.layers.push_back(layer);
         sight.background *= 1 - alpha;
-        if (sight.background <= 1e-3f || sight.layers.size() == kMaxLayers) {
+        if (sight.background <= 1e-4f || sight.layers.size() == kMaxLayers) {
             sight.background = 0;
             return;
         }

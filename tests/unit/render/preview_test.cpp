@@ -163,6 +163,10 @@ TEST(Preview, AMeshWithoutTransportIsLitByItsNormals) {
     ASSERT_TRUE(picture) << picture.error();
     EXPECT_NEAR(picture->radiance[0].x, 1 + 2.0 / 3 * std::sqrt(3 / (4 * kPi)), 1e-5);
     EXPECT_NEAR(picture->radiance[0].y, 1, 1e-5);
+    EXPECT_TRUE(picture->is_surface(0));
+    const auto white = preview(scene, bundle.get(), kFromAbove, {.white_lambert = true});
+    ASSERT_TRUE(white);
+    EXPECT_FALSE(white->is_surface(0));
 }
 
 // Exit radiance linear in x at the vertices is linear in x in between.

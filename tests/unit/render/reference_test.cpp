@@ -217,8 +217,27 @@ TEST(Reference, TruncatedLightOnAFloor) {
         floor_scene(test::diffuse_material(0.3f)), sky_with_sun(), at_point({0, 3, 1}, {0, 0, 0}),
         {.samples_per_pixel = 4096, .white_lambert = true, .truncated_light = light});
     ASSERT_TRUE(r.truncated.has_value());
-    EXPECT_NEAR(mean(*r.truncated).x, 1, 3e-3);
-    EXPECT_NEAR(mean(*r.truncated).y, 2.0 / 3 * std::sqrt(3 / (4 * kPi)), 2e-3);
+    EXPECT_NEAR(mean(*r.truncated).x, 1, 1e-6);
+    EXPECT_NEAR(mean(*r.truncated).y, 2.0 / 3 * std::sqrt(3 / (4 * kPi)), 1e-6);
+    EXPECT_EQ(r.truncated_noise_rms, 0);  // nothing is blocked, so nothing is left to chance
+}
+
+// At the foot of an infinite wall that hides x < 0 half of the floor's sky is left: T_00 = Y_00 /
+// 2, T_1-1 = sqrt(3 / 4 pi) / 3, and T_11 = sqrt(3 / 4 pi) / pi * integral of x y over the quarter
+// sphere, which is 2/3.
+TEST(Reference, TruncatedLightAtTheFootOfAWall) {
+    Scene scene = floor_scene(test::diffuse_material(1));
+    test::add_quad(scene, Vec3(-1e-3f, 0, 0), Vec3(0, 50, 0), Vec3(0, 0, 50));
+    std::vector<Vec3> light(4, Vec3(0));
+    light[0].x = light[1].y = light[3].z = 1;
+    const Reference r =
+        render(scene, sky_with_sun(), at_point({1, 1, 0}, {0, 0, 0}),
+               {.samples_per_pixel = 4096, .white_lambert = true, .truncated_light = light});
+    ASSERT_TRUE(r.truncated.has_value());
+    const double y1 = std::sqrt(3 / (4 * kPi));
+    EXPECT_NEAR(mean(*r.truncated).x, 1 / (4 * std::sqrt(kPi)), 1e-3);
+    EXPECT_NEAR(mean(*r.truncated).y, y1 / 3, 1e-3);
+    EXPECT_NEAR(mean(*r.truncated).z, 2 * y1 / (3 * kPi), 1e-3);
     EXPECT_GT(r.truncated_noise_rms, 0);
     EXPECT_LT(r.truncated_noise_rms, 0.02);
 }
