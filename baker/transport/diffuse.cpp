@@ -162,9 +162,10 @@ ErrorEstimate DiffuseBake::measure(const RaySet& set, std::span<const std::uint3
 
 /// Fixes the ray set, and with it the error that the report states.
 void DiffuseBake::choose_rays() {
-    const std::size_t vertices = report_.vertex_count;
+    // At five times the rays each, a sixty-fourth of the places costs 8 %; few places need more.
+    const std::size_t places = report_.traced_count;
     const std::size_t sample_size =
-        std::clamp(vertices / 64, std::min<std::size_t>(32, vertices / 24 + 1), std::size_t{512});
+        std::clamp(places / 64, std::min<std::size_t>(32, places / 32 + 2), std::size_t{512});
     const std::vector<std::uint32_t> sample = choose_sample(sample_size);
     const int expected = expected_rays_per_vertex(job_);
     const bool fixed = job_.rays_per_vertex > 0;

@@ -33,13 +33,17 @@ ErrorEstimate estimate_error(std::span<const double> sample, std::uint64_t trace
     std::vector<double> falling(sample.begin(), sample.end());
     std::sort(falling.begin(), falling.end(), std::greater<>());
     estimate.p999_all = falling[static_cast<std::size_t>(exceeding * count)];
-    const std::size_t tail = falling.size() / 10;
-    if (complete || tail == 0 || exceeding >= 0.1) return estimate;
+    // At least 16 values tell a scale; with fewer than 32 it is the upper half.
+    const std::size_t tail =
+        std::max(falling.size() / 10, std::min<std::size_t>(falling.size() / 2, 16));
+    const double tail_share = static_cast<double>(tail) / count;
+    if (complete || tail == 0 || exceeding >= tail_share) return estimate;
     double excess = 0;
     for (std::size_t i = 0; i < tail; ++i)
         excess += (falling[i] - falling[tail]) / static_cast<double>(tail);
+    excess *= 1 + 1 / std::sqrt(static_cast<double>(tail));  // one standard error of an exponential
     estimate.p999_all =
-        std::max(estimate.p999_all, falling[tail] + excess * std::log(0.1 / exceeding));
+        std::max(estimate.p999_all, falling[tail] + excess * std::log(tail_share / exceeding));
     return estimate;
 }
 
