@@ -16,9 +16,8 @@ struct ReadEnvironmentOptions {
 /// is read of a file stands at decode_float_image (image_worker.h). The first line that fits
 /// decides the shape, s being any whole number:
 ///
-///     EXR envmap LatLong   OpenEXR's own convention: the centre looks along +Z, +X on its left;
-///     the
-///                          first and the last column lie on the same meridian, the first and the
+///     EXR envmap LatLong   OpenEXR's own convention: the centre looks along +Z, +X is on its left;
+///                          the first and the last column lie on one meridian, the first and the
 ///                          last row on the poles, so that these texels have half the size
 ///     EXR envmap Cube      s x 6s, OpenEXR's own convention: faces stacked, each as seen from
 ///                          inside; the outer texels of a face have their centres on its edges
@@ -33,8 +32,9 @@ struct ReadEnvironmentOptions {
 ///     everything else      equirectangular, of any size (runtime/lat_long.h)
 ///
 /// An EXR file with `chromaticities` other than those of Rec. 709 is converted; a white point other
-/// than D65 is adapted (Bradford). Without an envmap attribute, the data window must be the display
-/// window: a cropped image is not an environment.
+/// than D65 is adapted (Bradford); what falls outside Rec. 709 then counts as repaired. Without an
+/// envmap attribute, the data window must be the display window: a cropped image is not an
+/// environment.
 ///
 /// Errors:  InvalidInput  not readable as an image, no pixels, or texels refused by `strict`
 ///          Failed        the file cannot be opened, or the image worker cannot be started

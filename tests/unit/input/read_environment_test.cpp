@@ -484,6 +484,18 @@ TEST(ReadEnvironment, OtherPrimariesBecomeRec709) {
     }
     for (int k = 0; k < 3; ++k) EXPECT_NEAR(environment->radiance[3][k], 0.5f, 1e-6f);
 
+    // A red that is too large for a float once converted, and out of gamut in green and blue.
+    Picture extreme(1, 1);
+    extreme.at(0, 0)[0] = std::numeric_limits<float>::max();
+    header = header_of(extreme);
+    Imf::addChromaticities(header, aces_ap0);
+    write_with_openexr(folder / "d.exr", header, extreme);
+    const auto clamped = read_environment(folder / "d.exr");
+    ASSERT_TRUE(clamped) << clamped.error();
+    EXPECT_EQ(clamped->radiance[0], Vec3(std::numeric_limits<float>::max(), 0, 0));
+    EXPECT_EQ(clamped->repairs.infinite_count, 1u);
+    EXPECT_EQ(clamped->repairs.negative_count, 2u);
+
     // Rec. 709 in as many digits as people write changes nothing.
     header = header_of(picture);
     Imf::addChromaticities(header,
@@ -534,7 +546,7 @@ TEST(ReadEnvironment, EveryTruncationIsRefused) {
     for (const char* name : {"whole.exr", "whole.hdr"}) {
         const std::string whole = test::read_file(folder / name);
         ASSERT_TRUE(read_environment(folder / name));
-        for (std::size_t size = 0; size < whole.size(); size += 3) {
+        for (std::size_t size = 0; size < whole.size(); size += 7) {
             test::write_file(folder / "cut", whole.substr(0, size));
             const auto environment = read_environment(folder / "cut");
             ASSERT_FALSE(environment) << name << " cut to " << size;
