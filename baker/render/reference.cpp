@@ -23,29 +23,31 @@ namespace {
 constexpr std::uint64_t kLightStream = 0x6c696768;
 constexpr double kLeastRoughness = 0.03;
 
-/// A shifted additive recurrence in five dimensions: point i is frac(shift + i a), a_k = g^-k, g
-/// the root of x^6 = x + 1. Each point alone is uniform, so the estimate has no bias. Source:
-/// [Roberts18].
-class LightPoints {
+/// A shifted additive recurrence in the unit square: point i is frac(shift + i (1/g, 1/g^2)), g the
+/// root of x^3 = x + 1. Any stretch of it is spread evenly; each point alone is uniform, so an
+/// estimate has no bias.  Source: [Roberts18].
+class PlanePoints {
   public:
-    static constexpr int kDimensions = 5;
-
-    explicit LightPoints(RandomStream& random) {
-        for (double& s : point_) s = random.next();
+    explicit PlanePoints(RandomStream& random) {
+        point_.x = random.next();
+        point_.y = random.next();
     }
-    const std::array<double, kDimensions>& next() {
-        constexpr double kRoot = 1.1347241384015194926;
-        double step = 1;
-        for (double& p : point_) {
-            step /= kRoot;
-            p += step;
-            if (p >= 1) p -= 1;
-        }
+    const DVec2& next() {
+        constexpr double kStep = 0.75487766624669276005;  // 1 / g
+        point_ += DVec2(kStep, kStep * kStep);
+        point_ -= glm::floor(point_);
         return point_;
     }
 
   private:
-    std::array<double, kDimensions> point_{};
+    DVec2 point_{0};
+};
+
+/// The points of one half of a pixel's samples. All lines of sight through the pixel draw from the
+/// same two sequences: what they look at is alike, so the points even out across them too.
+struct LightPoints {
+    PlanePoints environment, bsdf;
+    explicit LightPoints(RandomStream& random) : environment(random), bsdf(random) {}
 };
 
 DVec3 to_local(const Frame& frame, const DVec3& w) {
@@ -90,9 +92,13 @@ class Bsdf {
         return sum;
     }
 
-    DVec3 sample(double lobe, double u0, double u1) const {
-        if (lobe >= specular_share_) return diffuse_frame_.to_world(sample_cosine(u0, u1));
-        const DVec3 h = sample_visible_normal(v_, alpha_, u0, u1);
+    /// u.x picks the lobe, and what is left of it the direction.
+    DVec3 sample(const DVec2& u) const {
+        if (u.x >= specular_share_) {
+            const double rest = (u.x - specular_share_) / (1 - specular_share_);
+            return diffuse_frame_.to_world(sample_cosine(std::min(rest, 1 - 0x1p-53), u.y));
+        }
+        const DVec3 h = sample_visible_normal(v_, alpha_, u.x / specular_share_, u.y);
         return frame_.to_world(2 * glm::dot(v_, h) * h - v_);
     }
 
@@ -209,7 +215,7 @@ using Halves = std::array<Shadows::Sums, 2>;
 
 /// Direct light at one point, towards its viewer: two independent estimates of `samples` each.
 Halves direct_light(const View& view, const SurfacePoint& point, int samples,
-                    RandomStream& random) {
+                    std::array<LightPoints, 2>& points) {
     const Bsdf bsdf(point);
     const bool from_environment = view.options.sampling != LightSampling::BsdfOnly;
     const bool from_bsdf = view.options.sampling != LightSampling::EnvironmentOnly;
@@ -226,17 +232,16 @@ Halves direct_light(const View& view, const SurfacePoint& point, int samples,
             view.truncated.given() ? share * view.truncated.towards(light.direction) : DVec3(0);
         shadows.add(light.direction, share * DVec3(light.radiance), truncated, sums);
     };
-    for (Shadows::Sums& sums : halves) {
-        LightPoints points(random);
+    for (std::size_t half = 0; half < 2; ++half) {
         for (int i = 0; i < samples; ++i) {
-            const auto& u = points.next();
             if (from_environment) {
-                const auto light = view.sampler.sample(u[0], u[1]);
-                if (light.pdf > 0) add(light, bsdf.pdf(light.direction), sums);
+                const DVec2& u = points[half].environment.next();
+                const auto light = view.sampler.sample(u.x, u.y);
+                if (light.pdf > 0) add(light, bsdf.pdf(light.direction), halves[half]);
             }
             if (from_bsdf) {
-                const DVec3 w = bsdf.sample(u[4], u[2], u[3]);
-                add(view.sampler.towards(w), bsdf.pdf(w), sums);
+                const DVec3 w = bsdf.sample(points[half].bsdf.next());
+                add(view.sampler.towards(w), bsdf.pdf(w), halves[half]);
             }
         }
     }
@@ -300,6 +305,7 @@ Reference render_reference(const Scene& scene, const Tracer& tracer, const Envir
             const std::size_t pixel =
                 row * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(x);
             RandomStream random(options.seed, kLightStream, pixel);
+            std::array<LightPoints, 2> light_points{LightPoints(random), LightPoints(random)};
             Halves halves;  // light from surfaces
             DVec3 background(0), emission(0), truncated_background(0);
             double background_share = 0;
@@ -312,7 +318,7 @@ Reference render_reference(const Scene& scene, const Tracer& tracer, const Envir
                         layer.point.material = white_material(layer.point.material);
                     const double weight = static_cast<double>(layer.weight);
                     emission += weight * DVec3(layer.point.material.emission);
-                    const Halves light = direct_light(view, layer.point, samples, random);
+                    const Halves light = direct_light(view, layer.point, samples, light_points);
                     for (std::size_t k = 0; k < 2; ++k) {
                         halves[k].light += weight * light[k].light;
                         halves[k].truncated += weight * light[k].truncated;
