@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "baker/pipeline/array_values.h"
 #include "baker/commands/command.h"
 #include "baker/core/text.h"
+#include "baker/pipeline/array_values.h"
 #include "baker/pipeline/metadata.h"
 
 #include <algorithm>

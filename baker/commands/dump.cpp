@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "baker/pipeline/array_values.h"
 #include "baker/commands/command.h"
+#include "baker/commands/numbered_names.h"
+#include "baker/commands/stage_list.h"
 #include "baker/core/text.h"
+#include "baker/pipeline/array_values.h"
 #include "baker/pipeline/metadata.h"
 
 #include <algorithm>
@@ -26,56 +28,26 @@ struct DumpedArray {
     bool intact = true;
 };
 
-/// Arrays whose names differ in one number only, shown as one line: mesh/0..12/diffuse.
+/// Arrays of one kind, shown as one line: mesh/0..12/diffuse.
 struct Group {
-    std::string prefix, suffix;  ///< around the number; no number: suffix is empty
-    int first = -1, last = -1;
+    std::vector<NumberedName> names;
     std::vector<const DumpedArray*> arrays;
 };
-
-struct SplitName {
-    std::string prefix, suffix;
-    int number = -1;
-};
-
-SplitName split_at_number(std::string_view name) {
-    std::size_t begin = 0;
-    while (begin <= name.size()) {
-        const std::size_t end = std::min(name.find('/', begin), name.size());
-        const std::string_view part = name.substr(begin, end - begin);
-        if (!part.empty() && part.size() < 9 &&
-            std::all_of(part.begin(), part.end(), [](char c) { return c >= '0' && c <= '9'; }))
-            return {std::string(name.substr(0, begin)), std::string(name.substr(end)),
-                    std::stoi(std::string(part))};
-        begin = end + 1;
-    }
-    return {std::string(name), "", -1};
-}
 
 std::vector<Group> group(const std::vector<DumpedArray>& arrays) {
     std::vector<Group> groups;
     for (const DumpedArray& array : arrays) {
-        const SplitName name = split_at_number(array.info.name);
-        const auto same_kind = [&](const Group& g) {
-            return name.number >= 0 && g.prefix == name.prefix && g.suffix == name.suffix &&
-                   g.last + 1 == name.number && g.arrays[0]->info.type == array.info.type &&
-                   g.arrays[0]->info.rank == array.info.rank;
-        };
-        const auto found = std::find_if(groups.begin(), groups.end(), same_kind);
-        if (found == groups.end()) {
-            groups.push_back({name.prefix, name.suffix, name.number, name.number, {&array}});
-        } else {
-            found->last = name.number;
-            found->arrays.push_back(&array);
-        }
+        const NumberedName name = split_at_number(array.info.name);
+        const auto same = std::find_if(groups.begin(), groups.end(), [&](const Group& g) {
+            return name.number >= 0 && g.names[0].same_kind(name) &&
+                   g.arrays[0]->info.type == array.info.type &&
+                   g.arrays[0]->info.codec == array.info.codec;
+        });
+        Group& target = same == groups.end() ? groups.emplace_back() : *same;
+        target.names.push_back(name);
+        target.arrays.push_back(&array);
     }
     return groups;
-}
-
-std::string name_of(const Group& g) {
-    if (g.first < 0) return g.prefix;
-    if (g.first == g.last) return concat(g.prefix, g.first, g.suffix);
-    return concat(g.prefix, g.first, "..", g.last, g.suffix);
 }
 
 /// Vertices add up over meshes; other axes show their range.
@@ -87,7 +59,7 @@ std::string shape_of(const Group& g) {
         std::uint64_t sum = 0;
         for (const DumpedArray* array : g.arrays) sum += array->info.shape[axis];
         if (!text.empty()) text += " x ";
-        if (axis == 0 && g.prefix == "mesh/")
+        if (axis == 0 && g.names[0].prefix == "mesh/")
             text += format_count(sum);
         else
             text += first == last ? format_count(first) : concat(first, "..", last);
@@ -150,8 +122,8 @@ void print_arrays(const std::vector<DumpedArray>& arrays, const Json& errors, st
             as = "json";
             range.clear();
         }
-        rows.push_back(
-            {name_of(g), shape_of(g), format_bytes(bytes), as, range, error_of(g, errors)});
+        rows.push_back({joined_name(g.names), shape_of(g), format_bytes(bytes), as, range,
+                        error_of(g, errors)});
     }
     print_table(rows, out);
 }
@@ -244,33 +216,6 @@ void print_errors(const Json& metadata, std::ostream& out) {
             << " of the vertices needed none\n";
 }
 
-/// Skipped stages, those with the same reason on one line.
-void print_skipped(const Json& metadata, std::ostream& out) {
-    std::vector<std::pair<std::string, std::vector<std::string>>> by_reason;
-    for (const Json& stage : metadata.at("plan")) {
-        if (stage.at("decision") != "skip") continue;
-        const SplitName name = split_at_number(stage.at("output").get<std::string>());
-        const std::string reason =
-            concat(name.prefix, "*", name.suffix, "\n", stage.at("reason").get<std::string>());
-        auto found = std::find_if(by_reason.begin(), by_reason.end(),
-                                  [&](const auto& entry) { return entry.first == reason; });
-        if (found == by_reason.end()) found = by_reason.insert(found, {reason, {}});
-        found->second.push_back(stage.at("output"));
-    }
-    if (by_reason.empty()) return;
-    out << "\nskipped\n";
-    std::vector<std::pair<std::string, std::string>> lines;
-    std::size_t width = 0;
-    for (const auto& [reason, outputs] : by_reason) {
-        std::string label = outputs.front();
-        if (outputs.size() > 1) label = concat(label, " and ", outputs.size() - 1, " more");
-        width = std::max(width, label.size());
-        lines.emplace_back(label, reason.substr(reason.find('\n') + 1));
-    }
-    for (const auto& [label, reason] : lines)
-        out << label << std::string(width - label.size() + 3, ' ') << reason << '\n';
-}
-
 void print_notes(const Json& metadata, std::ostream& out) {
     const Json notes = metadata.value("scene", Json::object()).value("notes", Json::array());
     if (notes.empty()) return;
@@ -299,7 +244,7 @@ void print_text(const std::filesystem::path& file, const format::Reader& reader,
                  metadata.is_object() ? metadata.value("arrays", Json::object()) : Json::object(),
                  out);
     try {
-        print_skipped(metadata, out);
+        print_skipped_stages(metadata.at("plan"), out);
         print_notes(metadata, out);
     } catch (const Json::exception&) {
         out << "(no plan in the metadata)\n";
@@ -336,9 +281,9 @@ Expected<ExitCode> dump(const DumpOptions& options, std::ostream& out) {
     bool intact = true;
     for (std::size_t i = 0; i < reader.array_count(); ++i) {
         DumpedArray array{reader.array(i), {}, true};
-        const auto values = read_values(reader, array.info);
-        array.intact = values.has_value() && reader.verify(array.info).has_value();
-        if (values) array.statistics = statistics(*values);
+        const auto measured = statistics(reader, array.info);
+        array.intact = measured.has_value() && reader.verify(array.info).has_value();
+        if (measured) array.statistics = *measured;
         intact = intact && array.intact;
         arrays.push_back(array);
     }

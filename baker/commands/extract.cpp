@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "baker/pipeline/array_values.h"
 #include "baker/commands/command.h"
 #include "baker/core/text.h"
 #include "baker/core/write_file.h"
 #include "baker/input/image_worker.h"
+#include "baker/pipeline/array_values.h"
 #include "baker/pipeline/metadata.h"
 
 #include <filesystem>

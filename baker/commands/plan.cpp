@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/commands/command.h"
 #include "baker/commands/request_options.h"
+#include "baker/commands/stage_list.h"
 #include "baker/core/text.h"
 #include "baker/pipeline/bake.h"
 #include "baker/pipeline/metadata.h"
 
 #include "envbake/format/reader.h"
 
-#include <algorithm>
 #include <memory>
 #include <ostream>
 
@@ -19,18 +19,6 @@ struct PlanOptions {
     BakeRequest request;
     bool json = false;
 };
-
-void print_stages(const Json& stages, std::ostream& out) {
-    std::size_t width = 0;
-    for (const Json& stage : stages)
-        width = std::max(width, stage.at("output").get<std::string>().size());
-    for (const Json& stage : stages) {
-        const std::string output = stage.at("output"), decision = stage.at("decision"),
-                          reason = stage.at("reason");
-        out << decision << "   " << output << std::string(width - output.size() + 3, ' ') << reason
-            << '\n';
-    }
-}
 
 Expected<void> print_new_plan(const PlanOptions& options, std::ostream& out) {
     ENVBAKE_TRY(const BakeInputs inputs, load_inputs(options.request));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "baker/pipeline/validate.h"
 #include "baker/commands/command.h"
 #include "baker/core/text.h"
 #include "baker/pipeline/metadata.h"
-#include "baker/pipeline/validate.h"
 
 #include <filesystem>
 #include <memory>
@@ -17,7 +17,8 @@ struct ValidateOptions {
     bool json = false;
 };
 
-ExitCode print(const ValidateOptions& options, const std::vector<Finding>& findings, std::ostream& out) {
+ExitCode print(const ValidateOptions& options, const std::vector<Finding>& findings,
+               std::ostream& out) {
     if (options.json) {
         Json list = Json::array();
         for (const Finding& f : findings)
@@ -27,7 +28,8 @@ ExitCode print(const ValidateOptions& options, const std::vector<Finding>& findi
         out << options.bundle.string() << ": valid\n";
     } else {
         for (const Finding& f : findings)
-            out << options.bundle.string() << ": " << f.code << ' ' << f.name << ": " << f.message << '\n';
+            out << options.bundle.string() << ": " << f.code << ' ' << f.name << ": " << f.message
+                << '\n';
     }
     return findings.empty() ? ExitCode::Done : ExitCode::InvalidBundle;
 }

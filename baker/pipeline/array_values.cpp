@@ -4,48 +4,48 @@
 #include "envbake/runtime/half.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <span>
+#include <type_traits>
 
 namespace envbake {
 
 namespace {
 
-template <class T>
-std::vector<double> widen(const std::vector<std::byte>& bytes) {
-    std::vector<double> values(bytes.size() / sizeof(T));
-    for (std::size_t i = 0; i < values.size(); ++i) {
+template <class T, class Visit>
+void visit_elements(std::span<const std::byte> bytes, Visit&& visit) {
+    for (std::size_t at = 0; at + sizeof(T) <= bytes.size(); at += sizeof(T)) {
         T element;
-        std::memcpy(&element, bytes.data() + i * sizeof(T), sizeof(T));
+        std::memcpy(&element, bytes.data() + at, sizeof(T));
         if constexpr (std::is_same_v<T, format::Half>)
-            values[i] = static_cast<double>(runtime::half_to_float(element.bits));
+            visit(static_cast<double>(runtime::half_to_float(element.bits)));
         else
-            values[i] = static_cast<double>(element);
+            visit(static_cast<double>(element));
     }
-    return values;
 }
 
-std::vector<double> widen(const std::vector<std::byte>& bytes, format::ElementType type) {
+/// Calls visit(double) for every element.
+template <class Visit>
+void visit_values(std::span<const std::byte> bytes, format::ElementType type, Visit&& visit) {
     using format::ElementType;
     switch (type) {
         case ElementType::F32:
-            return widen<float>(bytes);
+            return visit_elements<float>(bytes, visit);
         case ElementType::F16:
-            return widen<format::Half>(bytes);
+            return visit_elements<format::Half>(bytes, visit);
         case ElementType::U8:
-            return widen<std::uint8_t>(bytes);
+            return visit_elements<std::uint8_t>(bytes, visit);
         case ElementType::U16:
-            return widen<std::uint16_t>(bytes);
+            return visit_elements<std::uint16_t>(bytes, visit);
         case ElementType::U32:
-            return widen<std::uint32_t>(bytes);
+            return visit_elements<std::uint32_t>(bytes, visit);
         case ElementType::I8:
-            return widen<std::int8_t>(bytes);
+            return visit_elements<std::int8_t>(bytes, visit);
         case ElementType::I16:
-            break;
+            return visit_elements<std::int16_t>(bytes, visit);
     }
-    return widen<std::int16_t>(bytes);
 }
 
 }  // namespace
@@ -76,25 +76,34 @@ Expected<std::vector<std::byte>> read_bytes(const format::Reader& reader,
 Expected<std::vector<double>> read_values(const format::Reader& reader,
                                           const format::ArrayInfo& info) {
     ENVBAKE_TRY(const std::vector<std::byte> bytes, read_bytes(reader, info));
-    return widen(bytes, info.type);
+    std::vector<double> values;
+    values.reserve(static_cast<std::size_t>(info.element_count()));
+    visit_values(bytes, info.type, [&](double value) { values.push_back(value); });
+    return values;
 }
 
-ArrayStatistics statistics(const std::vector<double>& values) {
+Expected<ArrayStatistics> statistics(const format::Reader& reader, const format::ArrayInfo& info) {
+    std::vector<std::byte> decoded;
+    std::span<const std::byte> bytes = reader.stored_bytes(info);
+    if (info.codec != format::Codec::None) {
+        ENVBAKE_TRY(decoded, read_bytes(reader, info));
+        bytes = decoded;
+    }
     ArrayStatistics s;
     s.min = std::numeric_limits<double>::infinity();
     s.max = -s.min;
     double sum = 0;
-    for (const double value : values) {
+    visit_values(bytes, info.type, [&](double value) {
         if (!std::isfinite(value)) {
             ++s.non_finite_count;
-            continue;
+            return;
         }
         s.min = std::min(s.min, value);
         s.max = std::max(s.max, value);
         sum += value;
-    }
-    const auto finite = values.size() - s.non_finite_count;
-    if (finite == 0) return {0, 0, 0, s.non_finite_count};
+    });
+    const std::uint64_t finite = info.element_count() - s.non_finite_count;
+    if (finite == 0) return ArrayStatistics{0, 0, 0, s.non_finite_count};
     s.mean = sum / static_cast<double>(finite);
     return s;
 }

@@ -31,7 +31,10 @@ struct ArrayStatistics {
     double min = 0, max = 0, mean = 0;  ///< over the finite elements
     std::uint64_t non_finite_count = 0;
 };
-ArrayStatistics statistics(const std::vector<double>& values);
+/// Uncompressed arrays are read in place: no copy is made.
+///
+/// Errors:  InvalidBundle  the array does not decode
+Expected<ArrayStatistics> statistics(const format::Reader& reader, const format::ArrayInfo& info);
 
 /// Names as people sort them: mesh/2 before mesh/10.
 bool natural_less(std::string_view a, std::string_view b);

@@ -90,9 +90,9 @@ class Validation {
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
             check_type_and_shape(info);
-            const auto values = read_values(reader_, info);
-            if (!values) continue;
-            const ArrayStatistics s = statistics(*values);
+            const auto measured = statistics(reader_, info);
+            if (!measured) continue;  // check_stored has said so
+            const ArrayStatistics& s = *measured;
             if (s.non_finite_count > 0)
                 add(104, "NonFinite",
                     concat("array ", info.name, ": ", s.non_finite_count,

@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: Apache-2.0
+// The command line as its users have it: processes, files, exit statuses.
+#include "tests/support/run_program.h"
+#include "tests/support/small_scene.h"
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <chrono>
+#include <set>
+#include <thread>
+
+namespace envbake::test {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+class Commands : public ::testing::Test {
+  protected:
+    void SetUp() override {
+        scene_ = write_small_scene(folder_.path()).string();
+        sky_ = write_small_sky(folder_ / "sky.hdr").string();
+        bundle_ = (folder_ / "scene.envb").string();
+    }
+
+    std::vector<std::string> bake_arguments(std::vector<std::string> more = {}) const {
+        std::vector<std::string> arguments{"bake",        scene_,  "--env",        sky_,
+                                           "-o",          bundle_, "--mip-size",   "16",
+                                           "--mip-count", "3",     "--table-size", "16"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return arguments;
+    }
+
+    void bake(std::vector<std::string> more = {}) const {
+        const Outcome outcome = envbake(bake_arguments(std::move(more)));
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        ASSERT_EQ(outcome.out, "");
+    }
+
+    json dump() const {
+        const Outcome outcome = envbake({"dump", bundle_, "--json"});
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return json::parse(outcome.out);
+    }
+
+    TemporaryFolder folder_;
+    std::string scene_, sky_, bundle_;
+};
+
+TEST_F(Commands, HelpAndVersionGoToStdout) {
+    const Outcome help = envbake({"--help"});
+    EXPECT_EQ(help.status, 0);
+    for (const char* command :
+         {"bake", "plan", "dump", "validate", "extract", "diff", "render", "version"})
+        EXPECT_NE(help.out.find(command), std::string::npos) << command;
+    EXPECT_EQ(envbake({"bake", "--help"}).status, 0);
+    EXPECT_EQ(envbake({"version"}).out.rfind("envbake 1.", 0), 0u);
+}
+
+TEST_F(Commands, WrongUsageIsTwoAndOneLine) {
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{},
+          {"bakes"},
+          {"bake"},
+          {"bake", "-o", bundle_},
+          {"dump"},
+          {"bake", scene_, "-o", bundle_, "--bands", "11"},
+          {"bake", scene_, "-o", bundle_, "--bands", "x"},
+          {"bake", scene_, "-o", bundle_, "--preset", "best"},
+          {"bake", scene_, "-o", bundle_, "--preset", "preview", "--tolerance", "0.1"}}) {
+        const Outcome outcome = envbake(arguments);
+        EXPECT_EQ(outcome.status, 2) << outcome.err;
+        EXPECT_EQ(outcome.err_lines(), 1) << outcome.err;
+        EXPECT_FALSE(fs::exists(bundle_));
+    }
+}
+
+TEST_F(Commands, BakeDumpValidate) {
+    bake();
+    const Outcome text = envbake({"dump", bundle_});
+    EXPECT_EQ(text.status, 0);
+    for (const char* expected :
+         {"intact", "scene.gltf", "sky.hdr", "environment/sh", "mesh/0/diffuse", "25 x 3"})
+        EXPECT_NE(text.out.find(expected), std::string::npos) << expected << "\n" << text.out;
+    const Outcome valid = envbake({"validate", bundle_, "--json"});
+    EXPECT_EQ(valid.status, 0);
+    EXPECT_EQ(json::parse(valid.out)["valid"], true);
+    const json d = dump();
+    EXPECT_EQ(d["metadata"]["meshes"][0]["node_name"], "floor and roof");
+    EXPECT_EQ(d["metadata"]["meshes"][0]["vertex_count"], 29);
+    std::set<std::string> inputs;
+    for (const json& input : d["metadata"]["inputs"])
+        inputs.insert(input["name"].get<std::string>());
+    EXPECT_EQ(inputs, (std::set<std::string>{"scene.gltf", "scene.bin", "sky.hdr"}));
+}
+
+TEST_F(Commands, BundlesNameNoFolderAndNoTime) {
+    bake();
+    const std::string content = read_file(bundle_);
+    EXPECT_EQ(content.find(folder_.path().string()), std::string::npos);
+    const std::string again = (folder_ / "again.envb").string();
+    auto arguments = bake_arguments({"--force"});
+    arguments[5] = again;
+    ASSERT_EQ(envbake(arguments).status, 0);
+    EXPECT_EQ(read_file(again), content);
+}
+
+TEST_F(Commands, ThreadCountDoesNotChangeAByte) {
+    bake({"--threads", "1"});
+    const std::string one = read_file(bundle_);
+    for (const char* threads : {"2", "7"}) {
+        bake({"--threads", threads, "--force"});
+        EXPECT_EQ(read_file(bundle_), one) << threads;
+    }
+}
+
+TEST_F(Commands, WhatIsUpToDateIsLeftAlone) {
+    bake();
+    const auto time = fs::last_write_time(bundle_);
+    const Outcome again = envbake(bake_arguments());
+    EXPECT_EQ(again.status, 0);
+    EXPECT_NE(again.err.find("up to date"), std::string::npos);
+    EXPECT_EQ(fs::last_write_time(bundle_), time);
+    const Outcome plan = envbake({"plan", scene_, "--env", sky_, "-o", bundle_, "--mip-size", "16",
+                                  "--mip-count", "3", "--table-size", "16", "--json"});
+    EXPECT_EQ(json::parse(plan.out)["up_to_date"], true);
+}
+
+TEST_F(Commands, AChangedInputOrOptionIsBakedAgain) {
+    bake();
+    const std::string before = read_file(bundle_);
+    write_small_sky(sky_, 2);
+    bake();
+    const std::string other_sky = read_file(bundle_);
+    EXPECT_NE(other_sky, before);
+    bake({"--bands", "3"});
+    EXPECT_NE(read_file(bundle_), other_sky);
+    EXPECT_EQ(dump()["metadata"]["options"]["bands"], 3);
+    write_small_scene(folder_.path(), "scene", 5);  // the .bin changes as well
+    bake({"--bands", "3"});
+    EXPECT_EQ(dump()["metadata"]["meshes"][0]["vertex_count"], 40);
+}
+
+TEST_F(Commands, PartsOfTheInputMayBeMissing) {
+    ASSERT_EQ(envbake({"bake", "--env", sky_, "-o", bundle_, "--mip-size", "16"}).status, 0);
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
+    ASSERT_EQ(envbake({"bake", scene_, "-o", bundle_}).status, 0);
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
+    const json d = dump();
+    for (const json& array : d["arrays"]) EXPECT_NE(array["name"], "environment/sh");
+}
+
+TEST_F(Commands, AFailedBakeLeavesTheOldFile) {
+    bake();
+    const std::string before = read_file(bundle_);
+    write_file(sky_, "#?RADIANCE\nno picture\n");
+    const Outcome outcome = envbake(bake_arguments());
+    EXPECT_EQ(outcome.status, 3);
+    EXPECT_EQ(outcome.err_lines(), 1) << outcome.err;
+    EXPECT_NE(outcome.err.find("sky.hdr"), std::string::npos);
+    EXPECT_EQ(read_file(bundle_), before);
+}
+
+TEST_F(Commands, AKilledBakeLeavesTheOldFileAndNothingElse) {
+    bake();
+    const std::string before = read_file(bundle_);
+    const auto count = [&] {
+        return std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator());
+    };
+    const auto files = count();
+    int killed = 0;
+    for (int delay_ms = 1; delay_ms < 60; delay_ms += 4) {
+        Program program("envbake", bake_arguments({"--force", "--rays", "4096", "--quiet"}));
+        std::this_thread::sleep_for(std::chrono::milliseconds(delay_ms));
+        program.kill();
+        killed += program.wait().status == 128 + SIGKILL ? 1 : 0;
+        const std::string after = read_file(bundle_);
+        if (after != before) {
+            EXPECT_EQ(envbake({"validate", bundle_}).status, 0)
+                << "half a file after " << delay_ms << " ms";
+        }
+        EXPECT_EQ(count(), files) << "something was left behind after " << delay_ms << " ms";
+    }
+    EXPECT_GT(killed, 0) << "every bake was faster than its killer";
+}
+
+TEST_F(Commands, AFolderThatCannotBeWrittenToIsOne) {
+    auto arguments = bake_arguments();
+    arguments[5] = (folder_ / "absent" / "x.envb").string();
+    const Outcome outcome = envbake(arguments);
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_EQ(outcome.err_lines(), 1) << outcome.err;
+    EXPECT_EQ(envbake({"dump", (folder_ / "absent.envb").string()}).status, 1);
+}
+
+TEST_F(Commands, DamagedBundlesAreFour) {
+    bake();
+    std::string content = read_file(bundle_);
+    content[content.size() / 2] = static_cast<char>(content[content.size() / 2] ^ 1);
+    write_file(bundle_, content);
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 4);
+    EXPECT_EQ(envbake({"dump", bundle_}).status, 4);
+    write_file(bundle_, content.substr(0, 100));
+    for (const char* command : {"validate", "dump"}) {
+        const Outcome outcome = envbake({command, bundle_});
+        EXPECT_EQ(outcome.status, 4) << command;
+        EXPECT_EQ(outcome.err_lines() + std::count(outcome.out.begin(), outcome.out.end(), '\n'),
+                  1);
+    }
+    write_file(bundle_, "no bundle");
+    EXPECT_EQ(envbake({"render", bundle_, scene_, "-o", (folder_ / "x.png").string()}).status, 4);
+}
+
+TEST_F(Commands, CompressionChangesTheSizeAndNoValue) {
+    bake();
+    const std::string plain = bundle_;
+    bundle_ = (folder_ / "packed.envb").string();
+    bake({"--compress"});
+    EXPECT_LT(fs::file_size(bundle_), fs::file_size(plain));
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
+    const json difference = json::parse(envbake({"diff", plain, bundle_, "--json"}).out);
+    for (const json& array : difference["arrays"]) EXPECT_EQ(array["name"], "metadata");
+}
+
+TEST_F(Commands, DiffSaysWhatAndHowMuch) {
+    bake();
+    const std::string other = (folder_ / "other.envb").string();
+    fs::copy_file(bundle_, other);
+    const Outcome same = envbake({"diff", bundle_, other});
+    EXPECT_EQ(same.status, 0);
+    EXPECT_EQ(same.out, "no difference\n");
+    write_small_sky(sky_, 2);
+    bake();
+    const Outcome differs = envbake({"diff", bundle_, other, "--json"});
+    EXPECT_EQ(differs.status, 4);
+    const json d = json::parse(differs.out);
+    EXPECT_EQ(d["same"], false);
+    bool sh = false;
+    for (const json& array : d["arrays"]) {
+        EXPECT_NE(array["name"], "mesh/0/diffuse")
+            << "transport does not depend on the environment";
+        sh |= array["name"] == "environment/sh" && array["max"] > 1;
+    }
+    EXPECT_TRUE(sh) << d.dump(1);
+}
+
+TEST_F(Commands, ExtractWritesEveryKind) {
+    bake();
+    const auto extract = [&](const char* name, const char* file) {
+        return envbake({"extract", bundle_, name, "-o", (folder_ / file).string()});
+    };
+    ASSERT_EQ(extract("environment/sh", "sh.npy").status, 0);
+    const std::string npy = read_file(folder_ / "sh.npy");
+    EXPECT_EQ(npy.substr(1, 5), "NUMPY");
+    EXPECT_NE(npy.find("'descr': '<f4', 'fortran_order': False, 'shape': (25, 3, )"),
+              std::string::npos);
+    EXPECT_EQ(npy.size() % 64, 300u % 64);
+    ASSERT_EQ(extract("environment/sh", "sh.json").status, 0);
+    const json sh = json::parse(read_file(folder_ / "sh.json"));
+    EXPECT_EQ(sh["shape"], json({25, 3}));
+    float first = 0;
+    std::memcpy(&first, npy.data() + npy.size() - 300, 4);
+    EXPECT_FLOAT_EQ(sh["values"][0].get<float>(), first);
+    ASSERT_EQ(extract("metadata", "m.json").status, 0);
+    EXPECT_EQ(json::parse(read_file(folder_ / "m.json"))["tool"]["name"], "envbake");
+    ASSERT_EQ(extract("environment/mips/1", "mip.exr").status, 0);
+    EXPECT_EQ(read_file(folder_ / "mip.exr").substr(0, 4), "\x76\x2f\x31\x01");
+    EXPECT_EQ(extract("environment/sh", "sh.exr").status, 2) << "no image";
+    EXPECT_EQ(extract("environment/nothing", "x.npy").status, 2);
+    EXPECT_EQ(extract("environment/sh", "sh.txt").status, 2);
+}
+
+TEST_F(Commands, AnExtractedMipIsAnEnvironmentAgain) {
+    bake();
+    const std::string mip = (folder_ / "mip.exr").string(),
+                      second = (folder_ / "second.envb").string();
+    ASSERT_EQ(envbake({"extract", bundle_, "environment/mips/1", "-o", mip}).status, 0);
+    ASSERT_EQ(
+        envbake({"bake", "--env", mip, "-o", second, "--mip-size", "4", "--mip-count", "2"}).status,
+        0);
+    const json d = json::parse(envbake({"dump", second, "--json"}).out);
+    EXPECT_EQ(d["metadata"]["environment"]["mapping"], "cube");
+}
+
+TEST_F(Commands, RenderWritesThePictureAndItsComparison) {
+    bake();
+    const std::string picture = (folder_ / "x.png").string();
+    const Outcome outcome =
+        envbake({"render", bundle_, scene_, "-o", picture, "--size", "48x32", "--reference",
+                 "--env", sky_, "--reference-samples", "16", "--white"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    for (const char* name : {"x.png", "x.reference.png", "x.difference.png"})
+        EXPECT_EQ(read_file(folder_ / name).substr(1, 3), "PNG") << name;
+    EXPECT_NE(outcome.out.find("relative RMSE"), std::string::npos);
+    EXPECT_NE(outcome.out.find("in 5 bands"), std::string::npos);
+    ASSERT_EQ(envbake({"render", bundle_, scene_, "-o", (folder_ / "x.exr").string(), "--size",
+                       "16x16", "--camera", "3,3,3", "--look-at", "0,0,0", "--fov", "50"})
+                  .status,
+              0);
+    EXPECT_EQ(envbake({"render", bundle_, scene_, "-o", picture, "--reference"}).status, 2);
+    EXPECT_EQ(envbake({"render", bundle_, scene_, "-o", (folder_ / "x.bmp").string()}).status, 2);
+}
+
+TEST_F(Commands, RenderRefusesAnotherScene) {
+    bake();
+    const std::string other = write_small_scene(folder_.path(), "other", 5).string();
+    const Outcome outcome = envbake({"render", bundle_, other, "-o", (folder_ / "x.png").string()});
+    EXPECT_EQ(outcome.status, 4);
+    EXPECT_NE(outcome.err.find("another scene"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace envbake::test
