@@ -189,6 +189,7 @@ class SceneReader {
         : asset_(std::move(asset)), model_(asset_.model()), options_(options) {}
 
     Expected<Scene> read() {
+        if (options_.textures && asset_.image_count() > 0) start_image_worker();
         scene_.materials = gltf::read_materials(model_, scene_.notes);
         world_.assign(model_.nodes.size(), DMat4(1));
         depth_first(model_, root_nodes(model_), [&](int node, int parent) {

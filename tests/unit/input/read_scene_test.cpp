@@ -414,8 +414,8 @@ TEST(ReadScene, SkinsTakeThePoseOfTheNodes) {
 
 Expected<Scene> read_with_material(const json& material, const char* extension) {
     GltfText g = one_triangle();
-    g.document["materials"] = {material};
-    g.document["extensionsUsed"] = {extension};
+    g.document["materials"] = json::array({material});
+    g.document["extensionsUsed"] = json::array({extension});
     g.document["meshes"][0]["primitives"][0]["material"] = 0;
     return read(g.text());
 }
