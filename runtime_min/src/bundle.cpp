@@ -7,7 +7,6 @@
 #include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <new>
 #include <optional>
@@ -41,8 +40,7 @@ class Name {
 
   private:
     void add(std::string_view part) noexcept {
-        std::memcpy(text_.data() + size_, part.data(), part.size());
-        size_ += part.size();
+        size_ += part.copy(text_.data() + size_, text_.size() - size_);
     }
     std::array<char, 64> text_{};
     std::size_t size_ = 0;

@@ -19,10 +19,9 @@ float clamp(float x, float low, float high) {
     return x > low ? (x < high ? x : high) : low;
 }
 
-/// Not a + (b - a) t: next to a sun that would leave the sun's rounding error in a dark texel.
+/// In this form a constant stays exactly what it is.
 Rgb mix(const Rgb& a, const Rgb& b, float t) {
-    const float s = 1 - t;
-    return {a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t};
+    return {a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t};
 }
 
 struct Texel {

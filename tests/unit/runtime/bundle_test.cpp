@@ -225,7 +225,11 @@ const Fault kFaults[] = {
     {"another roughness", [](BundleBuilder& b) { fill(b, Codec::None, with("0.25", "0.35")); },
      Errc::Metadata},
     {"too many levels",
-     [](BundleBuilder& b) { fill(b, Codec::None, with("\"count\": 5", "\"count\": 17")); },
+     [](BundleBuilder& b) {
+         b.add("environment/mips/1", {6, 1, 1, 3}, ramp(18))
+             .metadata(R"({"environment": {"mips": {"count": 17,
+                           "levels": [{"level": 1, "roughness": 0.0625}]}}})");
+     },
      Errc::Metadata},
     {"unknown axes", [](BundleBuilder& b) { fill(b, Codec::None, with("linear", "cubic")); },
      Errc::Metadata},

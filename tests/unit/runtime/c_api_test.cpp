@@ -130,6 +130,7 @@ TEST(CApi, ErrorsNameTheirArray) {
     EXPECT_EQ(envbake_diffuse(bundle, 9, 0, 1, rgb, nullptr), 40);
     EXPECT_EQ(envbake_diffuse(bundle, 0, 149, 2, rgb, &error), 44);
     EXPECT_EQ(envbake_diffuse(bundle, 0, static_cast<size_t>(-1), 2, rgb, &error), 44);
+    EXPECT_EQ(envbake_diffuse(bundle, 0, 10, static_cast<size_t>(-5), rgb, &error), 44);
     EXPECT_EQ(rgb[0], 7);
     EXPECT_EQ(envbake_diffuse(bundle, 0, 150, 0, nullptr, &error), 0);
     envbake_close(bundle);

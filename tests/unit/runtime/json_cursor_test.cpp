@@ -60,6 +60,22 @@ TEST(JsonCursor, WalksArrays) {
     EXPECT_EQ(calls, 3);
 }
 
+TEST(JsonCursor, SeparatorsAreRequired) {
+    const auto walks = [](std::string_view text) {
+        return JsonCursor(text).for_each_element([](JsonCursor) { return true; });
+    };
+    EXPECT_TRUE(walks("[1, [2], {\"a\": 3}]"));
+    for (const char* bad : {"[1 2]", "[1,]", "[,1]", "[1", "[1}", "[1, 2", "[}"}) {
+        EXPECT_FALSE(walks(bad)) << bad;
+    }
+    EXPECT_TRUE(JsonCursor("{\"a\": 1, \"b\": 2}").find("b"));
+    for (const char* bad :
+         {"{\"a\": 1 \"b\": 2}", "{\"a\": 1; \"b\": 2}", "{\"a\" 1, \"b\": 2}", "{\"a\", \"b\": 2}",
+          "{a: 1, \"b\": 2}", "[\"b\": 2]", "{\"a\":, \"b\": 2}"}) {
+        EXPECT_FALSE(JsonCursor(bad).find("b")) << bad;
+    }
+}
+
 TEST(JsonCursor, Numbers) {
     const auto number = [](std::string_view text) { return JsonCursor(text).number(); };
     EXPECT_EQ(number("0"), 0);

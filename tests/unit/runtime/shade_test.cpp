@@ -374,7 +374,7 @@ TEST(SampleMips, ConstantStaysConstantAtAnySize) {
         for (int i = 0; i < 500; ++i) {
             const Rgb value = sample_mips(faces.view(), narrow(random.direction()), 0.7f);
             for (std::size_t c = 0; c < 3; ++c) {
-                EXPECT_NEAR(value[c], 0.1 + static_cast<double>(c), 5e-7);
+                EXPECT_EQ(value[c], static_cast<float>(0.1 + static_cast<double>(c)));
             }
         }
     }
@@ -404,16 +404,6 @@ TEST(SampleMips, LinearBetweenLevelsAndClampedToThosePresent) {
     EXPECT_NEAR(at(-3), 10, 1e-5);
     EXPECT_NEAR(at(1e9), 30, 1e-5);
     EXPECT_NEAR(at(std::nan("")), 10, 1e-5);
-}
-
-TEST(SampleMips, SunNextToNightKeepsTheNight) {
-    Faces faces(2);
-    faces.fill([](const DVec3&, std::size_t) { return 1e-3; });
-    faces.texels[0] = 1e9f;
-    // At the centre of the texel beside the sun only float's 0 * 1e9 may come in.
-    const Rgb value = sample_mips(faces.view(), narrow(faces.centre(0, 0, 1)), 0);
-    EXPECT_NEAR(value[1], 1e-3, 1e-9);
-    EXPECT_GE(value[0], 0);
 }
 
 TEST(SampleMips, SurvivesAnyDirection) {
