@@ -103,7 +103,7 @@ TEST_F(Commands, BundlesNameNoFolderAndNoTime) {
     auto arguments = bake_arguments({"--force"});
     arguments[5] = again;
     ASSERT_EQ(envbake(arguments).status, 0);
-    EXPECT_EQ(read_file(again), content);
+    EXPECT_TRUE(read_file(again) == content);
 }
 
 TEST_F(Commands, ThreadCountDoesNotChangeAByte) {
@@ -111,7 +111,7 @@ TEST_F(Commands, ThreadCountDoesNotChangeAByte) {
     const std::string one = read_file(bundle_);
     for (const char* threads : {"2", "7"}) {
         bake({"--threads", threads, "--force"});
-        EXPECT_EQ(read_file(bundle_), one) << threads;
+        EXPECT_TRUE(read_file(bundle_) == one) << threads;
     }
 }
 
@@ -130,12 +130,12 @@ TEST_F(Commands, WhatIsUpToDateIsLeftAlone) {
 TEST_F(Commands, AChangedInputOrOptionIsBakedAgain) {
     bake();
     const std::string before = read_file(bundle_);
-    write_small_sky(sky_, 2);
+    write_small_sky(sky_, 3);
     bake();
     const std::string other_sky = read_file(bundle_);
-    EXPECT_NE(other_sky, before);
+    EXPECT_TRUE(other_sky != before);
     bake({"--bands", "3"});
-    EXPECT_NE(read_file(bundle_), other_sky);
+    EXPECT_TRUE(read_file(bundle_) != other_sky);
     EXPECT_EQ(dump()["metadata"]["options"]["bands"], 3);
     write_small_scene(folder_.path(), "scene", 5);  // the .bin changes as well
     bake({"--bands", "3"});
@@ -159,7 +159,7 @@ TEST_F(Commands, AFailedBakeLeavesTheOldFile) {
     EXPECT_EQ(outcome.status, 3);
     EXPECT_EQ(outcome.err_lines(), 1) << outcome.err;
     EXPECT_NE(outcome.err.find("sky.hdr"), std::string::npos);
-    EXPECT_EQ(read_file(bundle_), before);
+    EXPECT_TRUE(read_file(bundle_) == before);
 }
 
 TEST_F(Commands, AKilledBakeLeavesTheOldFileAndNothingElse) {
@@ -230,7 +230,7 @@ TEST_F(Commands, DiffSaysWhatAndHowMuch) {
     const Outcome same = envbake({"diff", bundle_, other});
     EXPECT_EQ(same.status, 0);
     EXPECT_EQ(same.out, "no difference\n");
-    write_small_sky(sky_, 2);
+    write_small_sky(sky_, 3);
     bake();
     const Outcome differs = envbake({"diff", bundle_, other, "--json"});
     EXPECT_EQ(differs.status, 4);

@@ -47,15 +47,17 @@ class Validate : public ::testing::Test {
             EXPECT_TRUE(writer->add<float>("environment/sh", c.sh_shape, c.sh));
             EXPECT_TRUE(writer->add<float>("environment/mips/0", c.mip_shape, c.mip));
             EXPECT_TRUE(writer->add<float>("brdf/ggx", {2, 2, 2}, std::vector<float>(8, 0.5f)));
-            if (c.diffuse_as_u32)
+            if (c.diffuse_as_u32) {
                 EXPECT_TRUE(writer->add<std::uint32_t>("mesh/0/diffuse", {2, 4},
                                                        std::vector<std::uint32_t>(8)));
-            else
+            } else {
                 EXPECT_TRUE(writer->add<float>("mesh/0/diffuse", {2, 4}, c.diffuse));
-            if (c.with_metadata)
+            }
+            if (c.with_metadata) {
                 EXPECT_TRUE(writer->add<std::uint8_t>(
                     "metadata", {c.metadata.size()},
                     std::vector<std::uint8_t>(c.metadata.begin(), c.metadata.end())));
+            }
             EXPECT_TRUE(writer->finish());
         }
         return codes_of_file();
