@@ -50,15 +50,18 @@ PlannedStage plan_sh(const BakeRequest& request, const BakeFacts& facts) {
     return stage;
 }
 
+/// Why neither mips nor a BRDF table are needed; null where they are.
+const char* why_no_specular(const BakeFacts& facts, const SpecularNeed& need) {
+    if (!facts.environment) return "no environment";
+    if (facts.has_scene && need.lobe_count == 0) return "no material has a specular lobe";
+    return nullptr;
+}
+
 PlannedStage plan_mips(const BakeRequest& request, const BakeFacts& facts,
                        const SpecularNeed& need) {
     PlannedStage stage{"environment/mips", "", std::nullopt};
-    if (!facts.environment) {
-        stage.reason = "no environment";
-        return stage;
-    }
-    if (facts.has_scene && need.lobe_count == 0) {
-        stage.reason = "no material has a specular lobe";
+    if (const char* reason = why_no_specular(facts, need)) {
+        stage.reason = reason;
         return stage;
     }
     const int last = request.mip_count - 1;
@@ -96,12 +99,8 @@ PlannedStage plan_mips(const BakeRequest& request, const BakeFacts& facts,
 PlannedStage plan_table(const BakeRequest& request, const BakeFacts& facts,
                         const SpecularNeed& need) {
     PlannedStage stage{"brdf/ggx", "", std::nullopt};
-    if (!facts.environment) {
-        stage.reason = "no environment";
-        return stage;
-    }
-    if (facts.has_scene && need.lobe_count == 0) {
-        stage.reason = "no material has a specular lobe";
+    if (const char* reason = why_no_specular(facts, need)) {
+        stage.reason = reason;
         return stage;
     }
     stage.job = BrdfTableJob{request.table_size, request.table_axes};
