@@ -5,6 +5,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 namespace envbake {
 
@@ -32,8 +33,42 @@ bool has_normal(const Vec3& n) {
     return square > 1e-12 && std::isfinite(square);
 }
 
-/// The normal of a thinner triangle is noise: its height is below 1e-6 of its longest edge.
-constexpr double kThinnest = 1e-6;
+/// A triangle as seen from one of its corners.
+struct Corner {
+    DVec3 cross;           ///< along the normal by winding, twice the area long
+    double area;           ///< twice the area
+    DVec3 bisector;        ///< unit, from the corner into the triangle
+    double angle_rad;      ///< at the corner
+    double longest_edge;   ///< of the two that leave the corner
+    double opposite_edge;  ///< length
+};
+
+Corner corner_at(const Triangle& t, const DVec3& p) {
+    DVec3 a = t.a, b = t.b, c = t.c;  // turned until a is the corner
+    for (int i = 0; i < 2 && a != p; ++i) {
+        const DVec3 first = a;
+        a = b;
+        b = c;
+        c = first;
+    }
+    const double ab = glm::distance(a, b), ac = glm::distance(a, c);
+    const DVec3 along_b = (b - a) / ab, along_c = (c - a) / ac;
+    Corner corner;
+    corner.cross = glm::cross(b - a, c - a);
+    corner.area = glm::length(corner.cross);
+    corner.angle_rad = std::atan2(corner.area, glm::dot(b - a, c - a));
+    const DVec3 sum = along_b + along_c;
+    corner.bisector = sum / std::max(glm::length(sum), 1e-30);
+    corner.longest_edge = std::max(ab, ac);
+    corner.opposite_edge = glm::distance(b, c);
+    return corner;
+}
+
+/// The normal of such a triangle is noise: its height is below 1e-6 of its longest edge.
+bool is_thin(const Corner& corner) {
+    const double edge = std::max(corner.longest_edge, corner.opposite_edge);
+    return corner.area <= 1e-6 * edge * edge;
+}
 
 }  // namespace
 
@@ -93,17 +128,18 @@ RayOrigin SurfacePoints::origin(std::uint32_t representative, const TraceSpace& 
     const DVec3 p = mesh_.positions[representative];
     const DVec3 n = glm::normalize(DVec3(mesh_.normals[representative]));
 
-    DVec3 normal_sum(0), centroid_sum(0);  // weighted by area; centroids from p
-    double area_sum = 0, extent = 0;
+    DVec3 normal_sum(0);   // weighted by area
+    DVec3 inwards_sum(0);  // integral of the unit directions over the angles at p
+    double area_sum = 0, angle_sum = 0, extent = 0;
+    double room = std::numeric_limits<double>::infinity();  // from p to the nearest opposite edge
     for (const std::uint32_t i : triangles_at(representative)) {
-        const Triangle t = triangle_of(mesh_, i);
-        const DVec3 a = DVec3(t.a) - p, b = DVec3(t.b) - p, c = DVec3(t.c) - p;
-        const DVec3 cross = t.cross();
-        const double area = glm::length(cross);
-        normal_sum += cross;
-        centroid_sum += (a + b + c) / 3.0 * area;
-        area_sum += area;
-        extent = std::max({extent, glm::length(a), glm::length(b), glm::length(c)});
+        const Corner corner = corner_at(triangle_of(mesh_, i), p);
+        normal_sum += corner.cross;
+        area_sum += corner.area;
+        inwards_sum += corner.bisector * (2 * std::sin(corner.angle_rad / 2));
+        angle_sum += corner.angle_rad;
+        extent = std::max(extent, corner.longest_edge);
+        if (!is_thin(corner)) room = std::min(room, corner.area / corner.opposite_edge);
     }
     // Triangles wound against the shading normal are seen from their back.
     const double side = glm::dot(normal_sum, n) < 0 ? -1 : 1;
@@ -111,21 +147,15 @@ RayOrigin SurfacePoints::origin(std::uint32_t representative, const TraceSpace& 
     const DVec3 g = normal_length > 1e-6 * area_sum ? normal_sum * (side / normal_length) : n;
 
     const double lift = std::max(4 * space.resolution_at(p), 1e-6 * extent);
-    const double inset = std::min(std::max(1e-4 * extent, 64 * lift), extent / 4);
-    DVec3 inwards = centroid_sum / area_sum;
-    inwards -= g * glm::dot(g, inwards);
-    DVec3 moved = inwards * (inset / extent);
+    const double inset = std::min(std::max(1e-4 * extent, 64 * lift), room / 4);
+    DVec3 moved = angle_sum > 0 ? inwards_sum * (std::min(inset, extent) / angle_sum) : DVec3(0);
+    moved -= g * glm::dot(g, moved);
 
     double up = lift;
     for (const std::uint32_t i : triangles_at(representative)) {
-        const Triangle t = triangle_of(mesh_, i);
-        const DVec3 cross = t.cross();
-        const double area = glm::length(cross);
-        const DVec3 a = t.a, b = t.b, c = t.c;
-        const double edge =
-            std::max({glm::distance(a, b), glm::distance(b, c), glm::distance(c, a)});
-        if (area <= kThinnest * edge * edge) continue;
-        const DVec3 n_f = cross * (side / area);
+        const Corner corner = corner_at(triangle_of(mesh_, i), p);
+        if (is_thin(corner)) continue;
+        const DVec3 n_f = corner.cross * (side / corner.area);
         const double rise = glm::dot(n_f, g);
         if (rise > 0.05) up = std::max(up, (lift - glm::dot(n_f, moved)) / rise);
     }

@@ -24,9 +24,10 @@ struct RayOrigin {
 /// corner of a room in the planes of walls that it has no part in; which side a ray starts on would
 /// be decided by rounding. So the origin is moved, twice:
 ///
-/// 1. Inwards, along the surface, towards the mean centroid c of its triangles, by 1e-4 of their
-///    extent: a floor vertex at the foot of a wall leaves the plane of the wall, to its own side.
-///    A vertex amid its triangles hardly moves, for there c is the vertex.
+/// 1. Inwards, along the surface, by 1e-4 of the extent of its triangles (by less where they are
+///    narrow), in the mean of the unit directions over the angle that they span: a floor vertex at
+///    the foot of a wall leaves the plane of the wall, to its own side. In a corner that mean is
+///    the bisector however the corner is cut into triangles; amid a full turn of them it is 0.
 /// 2. Up, along the mean geometric normal g, until it is `lift` above the plane of every triangle.
 ///    A dent's triangles rise around it; above their planes it is above them. Triangles that
 ///    overhang (n_f.g < 0.05) are let be: no lift gets above those.
@@ -34,8 +35,8 @@ struct RayOrigin {
 /// `lift` is the larger of 4 spacings of floats in the space where rays are traced, so that
 /// rounding the origin does not put it back, and 1e-6 of the triangles' extent, since Embree's
 /// error in a distance to a plane grows with the distance to the triangle's corners (about 2e-7 of
-/// it). The inset is at least 64 lifts, so that the opposite wall of a wedge down to one degree
-/// stays above.
+/// it). Where there is room the inset is 64 lifts or more, so that the far side of a wedge down to
+/// 1 degree stays above.
 ///
 /// Equal means equal bits of position and normal (-0 equals 0). A vertex without a normal, or in no
 /// triangle with an area, is no place on a surface: nobody can see it.

@@ -18,8 +18,8 @@ struct ErrorEstimate {
 ///
 /// The mean square gets one standard error of the sample added (none where the sample is complete).
 /// The percentile is the larger of the sample's own and that of an exponential tail fitted to the
-/// sample's upper tenth (or upper 16), its scale one standard error up: a few hundred samples do not
-/// hold a 99.9th percentile.
+/// sample's upper tenth (or upper 16), its scale one standard error up: a few hundred samples do
+/// not hold a 99.9th percentile.
 ErrorEstimate estimate_error(std::span<const double> sample, std::uint64_t traced,
                              std::uint64_t all);
 

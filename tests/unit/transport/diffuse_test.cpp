@@ -136,8 +136,10 @@ TEST(Diffuse, AClosedRoomIsExactlyBlack) {
         smooth_corners.normals[v] = glm::normalize(Vec3(0.5f, 1, 2) - smooth_corners.positions[v]);
     Mesh inside_out = test::sphere({0, 0, 0}, 1, 3);
     for (Vec3& n : inside_out.normals) n = -n;  // wound against its normals
+    const Mesh crack = test::skewed(test::box({-1, -1, -1}, {2, 3, -0.997f}, 2, -1));
     std::uint64_t rays = 0;
-    for (const Mesh& shape : {room, test::skewed(room), test::skewed(smooth_corners), inside_out}) {
+    for (const Mesh& shape :
+         {room, test::skewed(room), test::skewed(smooth_corners), inside_out, crack}) {
         for (const float scale : {1e-6f, 1.0f, 1e6f}) {
             for (const float offset : {0.0f, 1000.0f}) {
                 const Mesh mesh = test::moved(test::moved(shape, 1, Vec3(offset)), scale, Vec3(0));
