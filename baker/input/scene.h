@@ -77,10 +77,11 @@ struct Mesh {
 
 /// A glTF file as the stages want it: flat, in world space, checked.
 struct Scene {
-    std::string file_name;                           ///< without folder
-    std::vector<std::filesystem::path> files_read;   ///< the scene itself first, then buffers and images
-    std::vector<Mesh> meshes;                        ///< depth first, in file order
-    std::vector<Material> materials;                 ///< the file's, then the default one if it is used
+    std::string file_name;  ///< without folder
+    std::vector<std::filesystem::path>
+        files_read;                   ///< the scene itself first, then buffers and images
+    std::vector<Mesh> meshes;         ///< depth first, in file order
+    std::vector<Material> materials;  ///< the file's, then the default one if it is used
     std::vector<Image> images;
     std::vector<std::string> notes;  ///< what was passed over or repaired, one line each
 };
