@@ -17,7 +17,7 @@ struct Frame {
 };
 
 /// The frame about a unit normal: no branch, no loss of digits at either pole, continuous but for
-/// z = 0. Source: Duff et al. 2017, "Building an Orthonormal Basis, Revisited", listing 3.
+/// z = 0. Source: [Duff17], listing 3.
 inline Frame frame_about(const DVec3& normal) {
     const double sign = std::copysign(1.0, normal.z);
     const double a = -1 / (sign + normal.z);

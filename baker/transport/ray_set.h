@@ -23,10 +23,10 @@ struct RaySet {
     double smallest_relative_weight = 0;         ///< min over k of w_k ray_count, >= 0
 };
 
-/// The Fibonacci spiral on the disc, lifted to the hemisphere [Malley]: density cos / pi, hence
-/// weights near 1 / N. They are the equal weights changed by as little as makes them exact (least
-/// squares). Where that leaves one negative (too few rays for so many coefficients) there are more
-/// rays than asked for: the next multiples of 16 above ray_count * 1.25^k.
+/// The Fibonacci spiral on the disc, lifted to the hemisphere (Malley's method): density cos / pi,
+/// hence weights near 1 / N. They are the equal weights changed by as little as makes them exact
+/// (least squares). Where that leaves one negative (too few rays for so many coefficients) there
+/// are more rays than asked for: the next multiples of 16 above ray_count * 1.25^k.
 ///
 ///   ray_count  >= 1
 ///   bands      1 .. 10

@@ -9,10 +9,8 @@ endif()
 add_library(envbake_warnings INTERFACE)
 add_library(envbake::warnings ALIAS envbake_warnings)
 target_compile_options(envbake_warnings INTERFACE -Wall -Wextra -Wconversion -Wshadow)
-if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  # The ABI note concerns vector types passed between separately compiled files; ours stay inside one.
-  target_compile_options(envbake_warnings INTERFACE -Wno-psabi)
-endif()
+# The ABI note concerns vector types passed between separately compiled files; ours stay inside one.
+target_compile_options(envbake_warnings INTERFACE -Wno-psabi)
 if(ENVBAKE_WERROR)
   target_compile_options(envbake_warnings INTERFACE -Werror)
 endif()
