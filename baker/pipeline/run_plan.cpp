@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <new>
+#include <utility>
 
 namespace envbake {
 
@@ -25,10 +26,15 @@ class Run {
 
     Expected<void> execute(const BakePlan& plan) {
         choose_self_test_vertices(plan);
-        for (const PlannedStage& stage : plan.stages)
-            if (stage.job)
-                ENVBAKE_TRY_VOID(std::visit(
-                    [&](const auto& job) { return bake(stage.output, job); }, *stage.job));
+        bool transport_announced = false;
+        for (const PlannedStage& stage : plan.stages) {
+            if (!stage.job) continue;
+            if (std::holds_alternative<PlannedDiffuse>(*stage.job) &&
+                !std::exchange(transport_announced, true))
+                announce_transport(plan);
+            ENVBAKE_TRY_VOID(
+                std::visit([&](const auto& job) { return bake(stage.output, job); }, *stage.job));
+        }
         ENVBAKE_TRY_VOID(write_self_test());
         const std::string metadata = metadata_json(request_, inputs_, plan, report_).dump(1);
         return add<std::uint8_t>(
@@ -136,6 +142,16 @@ class Run {
         if (tracer_) return {};
         ENVBAKE_TRY(tracer_, Tracer::build(*inputs_.scene));
         return {};
+    }
+
+    /// One bar for the transport of all meshes, once the first of them begins.
+    void announce_transport(const BakePlan& plan) {
+        std::uint64_t total = 0;
+        for (const PlannedStage& stage : plan.stages)
+            if (const auto* diffuse =
+                    stage.job ? std::get_if<PlannedDiffuse>(&*stage.job) : nullptr)
+                total += inputs_.scene->meshes[diffuse->mesh].vertex_count();
+        progress_.begin("diffuse transport", "vertices", total);
     }
 
     /// A few vertices spread evenly over all the baked meshes, two thirds of the way into each

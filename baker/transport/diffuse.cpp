@@ -216,7 +216,6 @@ Expected<DiffuseReport> DiffuseBake::run(
     for (std::uint32_t v = 0; v < count; ++v)
         if (kinds_[v] == Kind::Merged) last_copy[points_.representative(v)] = v;
 
-    progress.begin("diffuse transport", "vertices", count);
     std::vector<float> rows(std::min(kHandOver, count) * coeffs_);
     std::unordered_map<std::uint32_t, std::vector<float>> kept;  // rows from before that are copied
     for (std::size_t begin = 0; begin < count; begin += kHandOver) {

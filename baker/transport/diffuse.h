@@ -62,6 +62,7 @@ void unoccluded_transport(int bands, const DVec3& n, std::span<double> out);
 ///
 /// Rows are handed to `sink` in vertex order, some at a time; memory does not grow with the mesh,
 /// except for rows that later vertices copy, kept until the last of them.
+/// `progress` counts vertices; a scene has many meshes, so who bakes them all announces the total.
 /// Deterministic for any number of threads. An error of the sink ends the bake and is returned.
 ///
 /// Errors:  Usage  bands, tolerance or rays_per_vertex is out of range
