@@ -159,5 +159,50 @@ TEST(ClosedForms, TenBandsUnderASphere) {
     }
 }
 
+/// A closed room with a block inside, everything emitting Le = 1 with albedo 1/2: from any point
+/// all one sees is surface, so the radiosity over pi is Le / (1 - rho) = 2 everywhere. Gathered
+/// from triangle to triangle along traced rays; one that escapes, or meets what is not there,
+/// shows.
+TEST(ClosedForms, EmissionInAClosedRoom) {
+    const Scene scene = test::scene_of({test::skewed(test::box({-1, -1, -1}, {2, 3, 5}, 3, -1)),
+                                        test::skewed(test::box({0, 0, 1}, {0.5f, 1, 2}, 2, 1))});
+    const auto tracer = Tracer::build(scene);
+    ASSERT_TRUE(tracer) << tracer.error();
+    constexpr int kRays = 64, kBounces = 24;
+    std::vector<std::size_t> first_of_mesh;
+    std::vector<std::size_t> seen;  // [triangle, ray]: the triangle that the ray meets
+    std::size_t triangle_count = 0;
+    for (const Mesh& mesh : scene.meshes) {
+        first_of_mesh.push_back(triangle_count);
+        triangle_count += mesh.triangle_count();
+    }
+    for (const Mesh& mesh : scene.meshes) {
+        for (std::size_t t = 0; t < mesh.triangle_count(); ++t) {
+            const auto corner = [&](std::size_t k) {
+                return DVec3(mesh.positions[mesh.triangles[3 * t + k]]);
+            };
+            const DVec3 edge = glm::normalize(corner(1) - corner(0));
+            const DVec3 n = glm::normalize(glm::cross(edge, corner(2) - corner(0)));
+            const DVec3 origin = (corner(0) + corner(1) + corner(2)) / 3.0 + 1e-5 * n;
+            for (int i = 0; i < kRays; ++i) {  // cosine-weighted, a Fibonacci spiral
+                const double r = std::sqrt((i + 0.5) / kRays), phi = i * pi * (3 - std::sqrt(5.0));
+                const DVec3 w = r * std::cos(phi) * edge + r * std::sin(phi) * glm::cross(n, edge) +
+                                std::sqrt(1 - r * r) * n;
+                const auto hit = tracer->closest(origin, Vec3(w));
+                ASSERT_TRUE(hit) << "a ray left the room";
+                seen.push_back(first_of_mesh[hit->mesh] + hit->triangle);
+            }
+        }
+    }
+    std::vector<double> radiosity(triangle_count, 1);  // over pi
+    for (int bounce = 0; bounce < kBounces; ++bounce) {
+        std::vector<double> next(triangle_count, 1);
+        for (std::size_t i = 0; i < seen.size(); ++i)
+            next[i / kRays] += 0.5 * radiosity[seen[i]] / kRays;
+        radiosity = std::move(next);
+    }
+    for (const double b : radiosity) EXPECT_NEAR(b, 2, 2 * std::pow(0.5, kBounces));
+}
+
 }  // namespace
 }  // namespace envbake
