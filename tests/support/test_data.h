@@ -15,7 +15,7 @@ inline std::filesystem::path data(const char* relative) {
 }  // namespace envbake::test
 
 /// Skips the running test, loudly, where a file of the test data is absent.
-#define ENVBAKE_REQUIRE_DATA(relative)                                                       \
-    if (!std::filesystem::exists(envbake::test::data(relative)))                             \
+#define ENVBAKE_REQUIRE_DATA(relative)                                                      \
+    if (!std::filesystem::exists(envbake::test::data(relative)))                            \
     GTEST_SKIP() << "SKIPPED: test data absent: " << envbake::test::data(relative).string() \
                  << " (set ENVBAKE_TEST_DATA)"
