@@ -283,6 +283,28 @@ TEST_F(Commands, AnExtractedMipIsAnEnvironmentAgain) {
     EXPECT_EQ(d["metadata"]["environment"]["mapping"], "cube");
 }
 
+/// The sun stands towards +X, 39 degrees from straight up, so the roof at 1 m throws its shadow
+/// towards -X: there the floor is darker than at the same distance on the other side.
+TEST_F(Commands, ShadowsFallAwayFromTheSun) {
+    write_small_scene(folder_.path(), "scene", 8);
+    bake();
+    const auto values = [&](const char* name) {
+        const std::string file = (folder_ / "values.json").string();
+        EXPECT_EQ(envbake({"extract", bundle_, name, "-o", file}).status, 0);
+        return json::parse(read_file(file))["values"].get<std::vector<double>>();
+    };
+    const auto sh = values("environment/sh"), transport = values("mesh/0/diffuse");
+    const auto exit_radiance = [&](double x, double z) {  // of the floor's vertex there, green
+        const auto vertex = static_cast<std::size_t>((z + 2) / 0.5 * 9 + (x + 2) / 0.5);
+        double sum = 0;
+        for (std::size_t i = 0; i < 25; ++i) sum += transport[25 * vertex + i] * sh[3 * i + 1];
+        return sum;
+    };
+    EXPECT_LT(exit_radiance(-1, 0), 0.6 * exit_radiance(1, 0));
+    EXPECT_NEAR(exit_radiance(0.5, -1), exit_radiance(0.5, 1), 0.15 * exit_radiance(0.5, 1))
+        << "nearly alike on the sun's left and right";
+}
+
 TEST_F(Commands, RenderWritesThePictureAndItsComparison) {
     bake();
     const std::string picture = (folder_ / "x.png").string();
