@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <utility>
 
 namespace envbake::lighting {
 namespace {
@@ -36,11 +37,55 @@ int interval_of(const std::vector<double>& edges, double x) {
     return static_cast<int>(next - edges.begin()) - 1;
 }
 
+/// The same, many times: even buckets say where to begin, a step or two end it.
+class IntervalFinder {
+  public:
+    explicit IntervalFinder(std::vector<double> edges) : edges_(std::move(edges)) {
+        const std::size_t buckets = 4 * edges_.size();
+        const double width = (edges_.back() - edges_.front()) / static_cast<double>(buckets);
+        per_unit_ = 1 / width;
+        for (std::size_t i = 0; i < buckets; ++i) {
+            first_.push_back(interval_of(edges_, edges_.front() + static_cast<double>(i) * width));
+        }
+    }
+    int operator()(double x) const {
+        const double bucket = std::clamp((x - edges_.front()) * per_unit_, 0.0,
+                                         static_cast<double>(first_.size() - 1));
+        int i = first_[static_cast<std::size_t>(bucket)];
+        const int last = static_cast<int>(edges_.size()) - 2;
+        while (i < last && x >= edges_[index(i + 1)]) ++i;
+        while (i > 0 && x < edges_[index(i)]) --i;
+        return i;
+    }
+
+  private:
+    std::vector<double> edges_;
+    std::vector<int> first_;
+    double per_unit_ = 0;
+};
+
+std::vector<double> depths(const LatLongGrid& grid) {
+    std::vector<double> rising;
+    for (const double theta : grid.theta_edges) rising.push_back(-std::cos(theta));
+    return rising;
+}
+
 /// A straight edge at height h of the cube's surface, seen from above: with t along it from the
-/// foot of the perpendicular, rho^2 = D^2 + t^2, phi = foot_phi + atan(t / D), y = h / sqrt(h^2 +
-/// rho^2).
+/// foot of the perpendicular from the axis, phi = foot_phi + atan(t / D), rho^2 = D^2 + t^2, y = h
+/// / sqrt(h^2 + rho^2). phi rises with t.
 struct Edge {
-    double h, distance, foot_phi, t0, t1;
+    double h, distance, cos_foot, sin_foot, t0, t1;
+
+    double y(double t) const { return h / std::sqrt(h * h + distance * distance + t * t); }
+    /// The angle between two places, without a difference of angles.
+    double turn(double from, double to) const {
+        const double x = distance * (to - from) / (distance * distance + from * to);
+        const double x2 = x * x;
+        if (x2 < 1e-4 && x2 >= 0 && distance * distance + from * to > 0) {
+            return x * (1 - x2 * (1.0 / 3 - x2 * (1.0 / 5 - x2 * (1.0 / 7 - x2 / 9))));
+        }
+        return std::atan(to / distance) - std::atan(from / distance);
+    }
 };
 
 /// Integrals of C dphi along edges. Radiance is that above the floor.
@@ -48,8 +93,14 @@ class ContourIntegrals {
   public:
     ContourIntegrals(const Environment& environment, const LatLongGrid& grid, const DVec3& floor,
                      const Quadrature& rule)
-        : environment_(environment), grid_(grid), floor_(floor), rule_(rule) {
+        : environment_(environment),
+          grid_(grid),
+          floor_(floor),
+          rule_(rule),
+          row_of_depth_(depths(grid)),
+          column_of_(grid.phi_edges) {
         for (const double theta : grid.theta_edges) heights_.push_back(std::cos(theta));
+        for (const double phi : grid.phi_edges) rays_.push_back({std::cos(phi), std::sin(phi)});
         heights_.front() = 1;
         heights_.back() = -1;
         // Sums down to every row would be as large as the map in double: a large map keeps fewer.
@@ -80,9 +131,33 @@ class ContourIntegrals {
         if (cross == 0) return DVec3{0};  // straight to the pole: dphi = 0
         if (cross < 0) return -along(x1, z1, x0, z0, h, south);
         const double dx = x1 - x0, dz = z1 - z0, length = std::hypot(dx, dz);
-        Edge edge{h, cross / length, std::atan2(-dx, dz), (x0 * dx + z0 * dz) / length,
-                  (x1 * dx + z1 * dz) / length};
-        return whole(edge, south);
+        const Edge edge{h,
+                        cross / length,
+                        dz / length,
+                        -dx / length,
+                        (x0 * dx + z0 * dz) / length,
+                        (x1 * dx + z1 * dz) / length};
+        // The column that the edge starts in; a start on a boundary may be put on either side of
+        // it.
+        double phi = std::atan2(z0, x0);
+        phi -= 2 * pi * std::floor((phi - grid_.phi_edges.front()) / (2 * pi));
+        int column = column_of_(phi);
+        double t = edge.t0;
+        DVec3 sum{0};
+        for (int crossed = 0;; ++crossed) {
+            const Ray& ray = rays_[index(column + 1)];
+            const double ahead = ray.cosine * edge.cos_foot + ray.sine * edge.sin_foot;
+            const double aside = ray.sine * edge.cos_foot - ray.cosine * edge.sin_foot;
+            const double crossing = ahead > 0 ? edge.distance * aside / ahead : edge.t1;
+            // A ray behind the start is the same column's far side, more than half a turn away.
+            const bool last =
+                crossed == grid_.width || crossing >= edge.t1 || crossing < edge.t0 - kSlack;
+            const double end = last ? edge.t1 : std::max(crossing, t);
+            sum += in_column(edge, column, t, end, south);
+            if (last) return sum;
+            t = end;
+            if (++column == grid_.width) column = 0;
+        }
     }
 
   private:
@@ -100,77 +175,35 @@ class ContourIntegrals {
         return sum;
     }
 
-    int row_of(double y) const {
-        const auto next = std::lower_bound(heights_.begin() + 1, heights_.end() - 1, y,
-                                           [](double edge, double value) { return edge > value; });
-        return static_cast<int>(next - heights_.begin()) - 1;
-    }
-
-    DVec3 whole(Edge edge, bool south) const {
-        const double first_edge = grid_.phi_edges.front();
-        double phi0 = edge.foot_phi + std::atan(edge.t0 / edge.distance);
-        const double phi1 = edge.foot_phi + std::atan(edge.t1 / edge.distance);
-        const double turn = -2 * pi * std::floor((phi0 - first_edge) / (2 * pi));
-        int column = interval_of(grid_.phi_edges, phi0 + turn);
-        double offset = -turn;  // phi of the edge = phi of the grid + offset
-        double t = edge.t0;
-        DVec3 sum{0};
-        while (true) {
-            const double next_phi = grid_.phi_edges[index(column + 1)] + offset;
-            const bool last = next_phi >= phi1;
-            const double end_phi = last ? phi1 : std::max(next_phi, phi0);
-            const double end =
-                last ? edge.t1
-                     : std::clamp(edge.distance * std::tan(end_phi - edge.foot_phi), t, edge.t1);
-            sum += in_column(edge, column, t, end, phi0, end_phi, south);
-            if (last) return sum;
-            t = end;
-            phi0 = end_phi;
-            if (++column == grid_.width) {
-                column = 0;
-                offset += 2 * pi;
-            }
-        }
-    }
-
-    DVec3 in_column(const Edge& e, int column, double t0, double t1, double phi0, double phi1,
-                    bool south) const {
+    DVec3 in_column(const Edge& e, int column, double t0, double t1, bool south) const {
         if (t0 < 0 && t1 > 0) {  // y turns round at the foot
-            return in_column(e, column, t0, 0, phi0, e.foot_phi, south) +
-                   in_column(e, column, 0, t1, e.foot_phi, phi1, south);
+            return in_column(e, column, t0, 0, south) + in_column(e, column, 0, t1, south);
         }
         const bool inwards = t1 <= 0;
         const bool rising = inwards == (e.h > 0);  // y along the way
-        int row = row_of(height_at(e, t0));
+        int row = row_of_depth_(-e.y(t0));
         DVec3 sum{0};
         while (true) {
             const int crossed = rising ? row : row + 1;
             const double y = heights_[index(crossed)];
-            double end = t1, end_phi = phi1;
+            double end = t1;
             bool last = true;
             if (crossed > 0 && crossed < grid_.height && y * e.h > 0) {
                 const double t2 = e.h * e.h * (1 / (y * y) - 1) - e.distance * e.distance;
-                const double t = t2 >= 0 ? (inwards ? -std::sqrt(t2) : std::sqrt(t2)) : t1;
+                const double t = inwards ? -std::sqrt(t2) : std::sqrt(t2);
                 if (t2 >= 0 && t < t1) {
                     last = false;
                     end = std::max(t, t0);
-                    end_phi = std::clamp(e.foot_phi + std::atan(end / e.distance), phi0, phi1);
                 }
             }
-            sum += in_texel(e, row, column, t0, end, end_phi - phi0, south);
+            sum += in_texel(e, row, column, t0, end, south);
             if (last) return sum;
             t0 = end;
-            phi0 = end_phi;
             row += rising ? -1 : 1;
         }
     }
 
-    static double height_at(const Edge& e, double t) {
-        return e.h / std::sqrt(e.h * e.h + e.distance * e.distance + t * t);
-    }
-
-    DVec3 in_texel(const Edge& e, int row, int column, double t0, double t1, double d_phi,
-                   bool south) const {
+    DVec3 in_texel(const Edge& e, int row, int column, double t0, double t1, bool south) const {
         // Integral of (1 - |y|) dphi = D dt / (R (R + |h|)), R^2 = h^2 + D^2 + t^2: smooth at a
         // pole.
         const double half = (t1 - t0) / 2, middle = t0 + half;
@@ -178,10 +211,11 @@ class ContourIntegrals {
         double cap = 0;
         for (std::size_t i = 0; i < rule_.nodes.size(); ++i) {
             const double t = middle + half * rule_.nodes[i];
-            const double r = std::sqrt(h * h + e.distance * e.distance + t * t);
-            cap += rule_.weights[i] / (r * (r + h));
+            const double r2 = h * h + e.distance * e.distance + t * t;
+            cap += rule_.weights[i] / (r2 + std::sqrt(r2) * h);
         }
         cap *= half * e.distance;
+        const double d_phi = e.turn(t0, t1);
         const DVec3 L = excess(row, column);
         // 1 - y from the north, 1 + y from the south; the far hemisphere has 2 - (1 - |y|).
         if ((e.h < 0) != south) cap = 2 * d_phi - cap;
@@ -192,11 +226,18 @@ class ContourIntegrals {
         return (above(row, column) - L * (1 - heights_[index(row)])) * d_phi + L * cap;
     }
 
+    struct Ray {
+        double cosine, sine;
+    };
+    static constexpr double kSlack = 1e-9;
+
     const Environment& environment_;
     const LatLongGrid& grid_;
     DVec3 floor_;
     const Quadrature& rule_;
+    IntervalFinder row_of_depth_, column_of_;
     std::vector<double> heights_;  ///< cos theta of the edges of rows, falling
+    std::vector<Ray> rays_;        ///< directions of the edges of columns
     int step_ = 1;
     std::vector<DVec3> sums_, totals_;
 };
@@ -204,15 +245,17 @@ class ContourIntegrals {
 std::vector<Vec3> average_lat_long(const Environment& environment, const LatLongGrid& grid,
                                    int size) {
     const DVec3 low = lowest(environment), high = highest(environment);
-    const Quadrature rule = gauss_legendre(gauss_count_for_singularity(1.0, 1.0 / size));
+    const Quadrature rule = gauss_legendre(gauss_count_for_singularity(1.0, 1.0 / size, 1e-11));
     const ContourIntegrals contour(environment, grid, low, rule);
     const std::size_t n = index(size);
     std::vector<Vec3> texels(index(cube::kFaceCount) * n * n);
     const auto at = [&](int i) { return 2.0 * i / size - 1; };
 
-    parallel_for(index(cube::kFaceCount) * n, [&](std::size_t task) {
-        const auto face = static_cast<cube::Face>(task / n);
-        const int row = static_cast<int>(task % n);
+    constexpr int kRowsPerTask = 16;  // the edge between two rows of a task is integrated once
+    const std::size_t tasks_per_face = (n + kRowsPerTask - 1) / kRowsPerTask;
+    parallel_for(index(cube::kFaceCount) * tasks_per_face, [&](std::size_t task) {
+        const auto face = static_cast<cube::Face>(task / tasks_per_face);
+        const int first = static_cast<int>(task % tasks_per_face) * kRowsPerTask;
         const bool polar = face == cube::Face::PositiveY || face == cube::Face::NegativeY;
         const bool south = face == cube::Face::NegativeY;
         const auto integral = [&](int c0, int r0, int c1, int r1) {
@@ -223,18 +266,29 @@ std::vector<Vec3> average_lat_long(const Environment& environment, const LatLong
         // side faces phi falls with u. Only dphi counts, so upright edges of side faces add
         // nothing.
         const double sign = face == cube::Face::PositiveY ? 1 : -1;
-        DVec3 upright = polar ? integral(0, row, 0, row + 1) : DVec3{0};
-        for (int column = 0; column < size; ++column) {
-            const DVec3 top = integral(column, row, column + 1, row);
-            const DVec3 bottom = integral(column, row + 1, column + 1, row + 1);
-            DVec3 flux = polar ? top - bottom : bottom - top;
-            if (polar) {
-                const DVec3 next = integral(column + 1, row, column + 1, row + 1);
-                flux += next - upright;
-                upright = next;
+        std::vector<DVec3> top(n), bottom(n);
+        const auto integrate_row_edge = [&](int row, std::vector<DVec3>& out) {
+            for (int column = 0; column < size; ++column) {
+                out[index(column)] = integral(column, row, column + 1, row);
             }
-            const DVec3 value = low + sign * flux / cube::texel_solid_angle(row, column, size);
-            texels[task * n + index(column)] = Vec3(glm::clamp(value, low, high));
+        };
+        integrate_row_edge(first, bottom);
+        for (int row = first; row < std::min(first + kRowsPerTask, size); ++row) {
+            std::swap(top, bottom);
+            integrate_row_edge(row + 1, bottom);
+            DVec3 left = polar ? integral(0, row, 0, row + 1) : DVec3{0};
+            Vec3* out = texels.data() + (index(static_cast<int>(face)) * n + index(row)) * n;
+            for (int column = 0; column < size; ++column) {
+                const std::size_t c = index(column);
+                DVec3 flux = polar ? top[c] - bottom[c] : bottom[c] - top[c];
+                if (polar) {
+                    const DVec3 right = integral(column + 1, row, column + 1, row + 1);
+                    flux += right - left;
+                    left = right;
+                }
+                const DVec3 value = low + sign * flux / cube::texel_solid_angle(row, column, size);
+                out[c] = Vec3(glm::clamp(value, low, high));
+            }
         }
     });
     return texels;

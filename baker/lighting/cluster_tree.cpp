@@ -79,8 +79,10 @@ ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
         floor_ = glm::min(floor_, DVec3(L));
         ceiling_ = glm::max(ceiling_, DVec3(L));
     }
-    const double peak = std::max({ceiling_.x, ceiling_.y, ceiling_.z});
-    scale_ = peak > 0 ? std::ldexp(1.0, -std::clamp(std::ilogb(peak) + 1, -120, 130)) : 1.0;
+    for (int k = 0; k < 3; ++k) {
+        const double peak = ceiling_[k] - floor_[k];
+        scale_[k] = peak > 0 ? std::ldexp(1.0, -(std::ilogb(peak) + 1)) : 1.0;
+    }
 
     // Blocks of about the asked extent, but 300 rows of blocks, or a quarter of the map's, suffice:
     // what needs finer is opened into texels.
@@ -169,7 +171,7 @@ ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_
             for (int k = 0; k < 3; ++k) {
                 double* out = sums.data() + k * kSums * width_;
                 for (int i = 0; i < width_; ++i) {
-                    const double L = (static_cast<double>(texels[i][k]) - floor_[k]) * scale_;
+                    const double L = (static_cast<double>(texels[i][k]) - floor_[k]) * scale_[k];
                     for (int j = 0; j < kSums; ++j) out[j * width_ + i] += weights[j] * L;
                 }
             }
@@ -272,11 +274,12 @@ ClusterTree::Level ClusterTree::coarser(const Level& fine) const {
             lower.row1,          {static_cast<int>(r), paired ? static_cast<int>(r + 1) : -1}};
         for (int i = 0; i < count; ++i) {
             Raw sum;
-            for (const Level::Row* child : {&upper, &lower}) {
-                if (child == &lower && !paired) break;
-                const int each = child->count / count;
+            for (const int child_row : row.child_row) {
+                if (child_row < 0) continue;
+                const Level::Row& child = fine.rows[index(child_row)];
+                const int each = child.count / count;
                 for (int j = 0; j < each; ++j) {
-                    sum.add(fine.raw[child->first + index(i * each + j)]);
+                    sum.add(fine.raw[child.first + index(i * each + j)]);
                 }
             }
             level.raw.push_back(sum);
@@ -334,11 +337,15 @@ ClusterNode ClusterTree::finish(const Raw& raw, const SourceRect& rect,
     const DVec2 sides = rect.sides();
     const double extent = std::max(sides.x, sides.y);
 
-    double radius = 0;
-    constexpr double kSteps[] = {0, 0.25, 0.5, 0.75, 1};
-    for (const double s : kSteps) {
-        for (const double t : kSteps) {
-            radius = std::max(radius, glm::length(rect.towards(s, t) - centre));
+    // Small blocks are nearly flat: no corner is further than half the diagonal from the middle.
+    double radius = 0.53 * glm::length(sides) + glm::length(centre - uniform);
+    if (extent > 0.2) {
+        constexpr double kSteps[] = {0, 0.25, 0.5, 0.75, 1};
+        radius = 0;
+        for (const double s : kSteps) {
+            for (const double t : kSteps) {
+                radius = std::max(radius, 1.02 * glm::length(rect.towards(s, t) - centre));
+            }
         }
     }
     double skew = 0;
@@ -360,7 +367,7 @@ ClusterNode ClusterTree::finish(const Raw& raw, const SourceRect& rect,
     for (int i = 0; i < 3; ++i) out.centre[i] = node.centre[i] = static_cast<float>(centre[i]);
     out.variance = node.variance = std::max(static_cast<float>(variance), 1e-12f);
     node.extent = static_cast<float>(extent);
-    node.radius = static_cast<float>(1.02 * radius + 1e-7);
+    node.radius = static_cast<float>(radius + 1e-7);
     const double unevenness = 2 * glm::length(centre - uniform) / extent + skew +
                               0.3 * std::abs(variance / uniform_variance - 1);
     node.unevenness = static_cast<float>(std::min(1.0, unevenness));

@@ -55,10 +55,10 @@ class ClusterTree {
     /// Radiance over the floor, times scale().
     DVec3 excess(const TexelBlock& block, int row, int column) const;
 
-    /// Radiance = floor + excess / scale. scale is a power of two: excess is at most 1.
+    /// Radiance = floor + excess / scale, by channel. scale is a power of two, excess at most 1.
     const DVec3& floor() const { return floor_; }
     const DVec3& ceiling() const { return ceiling_; }
-    double scale() const { return scale_; }
+    const DVec3& scale() const { return scale_; }
     /// Average over the sphere of excess and of radiance, both times scale().
     const DVec3& mean_excess() const { return mean_excess_; }
     DVec3 mean() const { return mean_excess_ + floor_ * scale_; }
@@ -76,7 +76,7 @@ class ClusterTree {
     const Environment* environment_;
     int width_ = 0, height_ = 0;
     DVec3 floor_{0}, ceiling_{0}, mean_excess_{0}, centre_weight_{0};
-    double scale_ = 1;
+    DVec3 scale_{1};
     std::vector<ClusterNode> nodes_;
     std::vector<ClusterMoments<float>> moments_;
     std::vector<TexelBlock> blocks_;

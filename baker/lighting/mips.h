@@ -23,12 +23,23 @@ struct Mip {
     int face_size = 0;
     float perceptual_roughness = 0;
     std::vector<Vec3> texels;
-    double error_estimate =
-        0;  ///< in the norm of MipsJob::tolerance; at least the true worst error
+    /// In the norm of MipsJob::tolerance. Calibrated, not proved: sums of the estimates of the
+    /// worst tile, with factors that keep it above the worst of the texels compared with brute
+    /// force on photographs and synthetic skies, and never under half the tolerance. On maps made
+    /// against the method (3 x 5 texels, a thousand to one) the error was seen to reach 1.35 times
+    /// the tolerance. Mip 0, and constant maps: rounding alone.
+    double error_estimate = 0;
 };
 
 /// GGX, N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), at the
-/// centre of every texel. Mip 0 (roughness 0) is the box average of the source over the texel.
+/// centre of every texel, straight from the source texels: any grid, any size of map, face and mip.
+/// Mip 0 (roughness 0) is the box average of the source over the texel.
+///
+/// Roughness is clamped to [1e-3, 1] where it is not 0. Results are finite, and between the least
+/// and the greatest radiance of their channel; a constant map stays constant.
+///
+/// Cost, 1024 x 512 source, faces 128, 64, 32, 16 at r = 1/4, 1/2, 3/4, 1: docs/accuracy.md.
+/// Threads: tiles in parallel; the same bits on any number of threads.
 std::vector<Mip> bake_mips(const MipsJob& job, const Environment& environment, Progress& progress);
 
 }  // namespace envbake

@@ -30,8 +30,9 @@ DVec3 vector(const std::array<double, 3>& w) {
 constexpr int kChebyshev = 8;          // points a side
 constexpr int kInterpolatedTile = 16;  // texels a side
 constexpr int kDirectTile = 8;
-constexpr float kLargestPatch = 0.35f;  // radians: larger ones are no parallelograms
-constexpr int kDeepestSplit = 40;
+constexpr double kLargestPatch = 0.35;  // radians: larger ones are no parallelograms
+constexpr double kLargestBend = 0.35;   // radians, likewise
+constexpr int kDeepestSplit = 28;
 
 /// Directions in groups of 16 lanes; what is left of the last group repeats the last direction.
 struct Points {
@@ -129,6 +130,39 @@ PatchMoments<S> moments_of(const SourcePatch& p, const DVec3& radiance) {
     return m;
 }
 
+/// What one source adds to the error of a texel, relative to the darkest of its tile.
+struct Estimate {
+    double core;           ///< share times (extent / l)^6
+    double curvature;      ///< of the Taylor series
+    double kink;           ///< of the horizon across it
+    double interpolation;  ///< within the tile, where it is interpolated
+    bool accepted;
+    bool direct;  ///< too sharp to be interpolated
+};
+
+/// Smooth content errs with one sign, so those are summed; the others err either way.
+struct TileEstimate {
+    double core = 0, curvature = 0, kink2 = 0, interpolation2 = 0;
+
+    void add(const Estimate& e) {
+        core += e.core;
+        curvature += e.curvature;
+        kink2 += e.kink * e.kink;
+        if (!e.direct) interpolation2 += e.interpolation * e.interpolation;
+    }
+    void keep_largest(const TileEstimate& o) {
+        core = std::max(core, o.core);
+        curvature = std::max(curvature, o.curvature);
+        kink2 = std::max(kink2, o.kink2);
+        interpolation2 = std::max(interpolation2, o.interpolation2);
+    }
+    /// Calibrated against brute force, factor by factor, on photographs, synthetic skies and noise.
+    double error() const {
+        return 0.06 * core + 0.15 * curvature + 0.4 * std::sqrt(kink2) +
+               0.02 * std::sqrt(interpolation2);
+    }
+};
+
 /// One walk of the tree for a tile (or, with radius 0, for one direction).
 template <class S>
 class Walk {
@@ -141,7 +175,7 @@ class Walk {
         for (int i = 0; i < 3; ++i) middle_[i] = static_cast<S>(middle[i]);
         radius_ = static_cast<S>(radius);
         half_width_ = static_cast<S>(half_width);
-        estimate_ = 0;
+        estimate_ = {};
         near_.clear();
         far_.clear();
     }
@@ -200,7 +234,7 @@ class Walk {
                 }
                 continue;
             }
-            estimate_ += static_cast<double>(e.error);
+            estimate_.add(e);
             Sources<S>& to = e.direct ? near_ : far_;
             (horizon ? to.horizon_clusters : to.clusters).push_back(i);
         }
@@ -208,15 +242,9 @@ class Walk {
 
     const Sources<S>& near_sources() const { return near_; }
     const Sources<S>& far_sources() const { return far_; }
-    double sum_of_estimates() const { return estimate_; }
+    TileEstimate estimated() const { return estimate_; }
 
   private:
-    struct Estimate {
-        bool accepted;
-        bool direct;
-        S error;
-    };
-
     static bool is_base(const ClusterNode& n) { return n.child_count[0] + n.child_count[1] == 0; }
 
     void push_children(const ClusterNode& n) {
@@ -238,10 +266,10 @@ class Walk {
         return std::max(S(0), std::sqrt(x * x + y * y + z * z) - radius_);
     }
 
-    /// What one source's Taylor series leaves out, relative to the darkest point of the tile:
-    /// third order where the source is uneven, fourth order always; at the horizon the kink of
-    /// max(0, mu). With l^2 = 2 A / b + distance^2, y = b t = 2 / l^2 at the nearest point.
-    /// The factors are calibrated (tests/unit/lighting/mips_test.cpp), not proved.
+    /// What one source's Taylor series leaves out, relative to the darkest point of the tile, with
+    /// l^2 = 2 A / b + distance^2 and y = b t = 2 / l^2 at the nearest point: third order where the
+    /// source is uneven, and some of the fourth; at the horizon the kink of max(0, mu). The factors
+    /// are calibrated (docs/accuracy.md), not proved.
     template <bool kCluster, class T>
     Estimate estimate(S near, const T* flux, S variance, S extent, S unevenness,
                       bool horizon) const {
@@ -249,33 +277,39 @@ class Walk {
             {S(flux[0]) * inverse_[0], S(flux[1]) * inverse_[1], S(flux[2]) * inverse_[2]});
         const S A = S(weight_.A), b = S(weight_.b);
         const S t = 1 / (A + b * near * near / 2);
-        const S inverse_l2 = b * t / 2;  // 1 / l^2
-        const S inverse_l = std::sqrt(inverse_l2);
         const S w = share * t * t;
-        S error = w * variance * inverse_l2 *
-                  (S(0.5) * (S(0.1) + unevenness) * extent * (inverse_l + S(0.5)) +
-                   S(0.5) * extent * extent * inverse_l2);
-        bool accepted = error <= S(accuracy_.cluster);
-        bool direct = false;
+        const S inverse_l2 = b * t / 2;
+        const S inverse_l = std::sqrt(inverse_l2);
+        const S extent2 = extent * extent * inverse_l2;  // (extent / l)^2
+        const S curvature =
+            w * variance * inverse_l2 *
+            (S(0.5) * (S(0.1) + unevenness) * extent * (inverse_l + S(0.5)) + S(0.5) * extent2);
         const S t_horizon = 1 / (A + b);
         const S w_horizon = share * t_horizon * t_horizon;
+        S kink = 0;
         if (horizon) {
-            const S kink = kCluster ? S(0.15) * std::sqrt(3 * variance) * w_horizon
-                                    : S(0.05) * extent * extent * w_horizon;
-            accepted = accepted && kink <= S(accuracy_.horizon);
-            error += kink;
+            kink = kCluster ? S(0.15) * std::sqrt(3 * variance) * w_horizon
+                            : S(0.3) * extent * extent * w_horizon;
         }
+        // The sources of the lobe's core are many and err alike: no share of theirs is small
+        // enough, so their extent has a limit of its own.
+        const bool accepted = !(curvature > S(accuracy_.cluster)) &&
+                              !(kink > S(accuracy_.horizon)) && !(extent2 > S(accuracy_.extent2));
+        S missed = 0;
         if (accepted && interpolate_) {
             // A kink is interpolated to half_width / (2 n); a pole at distance l to 4 n rho^-n.
-            S missed = 0;
             if (horizon) missed = 5 * w_horizon * half_width_ / kChebyshev;
             const S x = inverse_l > 0 ? 1 / (inverse_l * half_width_) : S(1e3);
             const S rho = x + std::sqrt(1 + x * x);
             const S rho2 = rho * rho, rho4 = rho2 * rho2;
             missed = std::max(missed, w * 4 * kChebyshev / (rho4 * rho4));
-            direct = missed > S(accuracy_.interpolation);
         }
-        return {accepted, direct, error};
+        return {.core = static_cast<double>(w * extent2 * extent2 * extent2),
+                .curvature = static_cast<double>(curvature),
+                .kink = static_cast<double>(kink),
+                .interpolation = static_cast<double>(missed),
+                .accepted = accepted,
+                .direct = missed > S(accuracy_.interpolation)};
     }
 
     void open_texels(const ClusterNode& n) {
@@ -297,19 +331,22 @@ class Walk {
         const S along = cosine(&c.x);
         if (along < -(radius_ + S(reach))) return;
         const bool horizon = std::abs(along) < radius_ + S(reach);
-        const DVec3 flux = patch.omega * radiance;
+        // Slivers come in numbers, all erring alike: each answers for a square of them.
+        const DVec3 flux = patch.omega * patch.aspect * radiance;
         const Estimate e = estimate<false>(nearest(&c.x), &flux.x, S(patch.variance),
-                                           S(patch.extent), S(0), horizon);
-        const bool small = patch.extent <= static_cast<double>(kLargestPatch);
-        if ((e.accepted && small) || depth >= kDeepestSplit) {
-            estimate_ += static_cast<double>(e.error);
+                                           S(patch.extent), S(std::min(1.0, patch.taper)), horizon);
+        const bool straight = patch.bend <= kLargestBend;
+        if ((e.accepted && straight && patch.extent <= kLargestPatch) || depth >= kDeepestSplit) {
+            estimate_.add(e);
             Sources<S>& to = e.direct ? near_ : far_;
             (horizon ? to.horizon_patches : to.patches).push_back(moments_of<S>(patch, radiance));
             return;
         }
-        // Halve the longer side; both where they are alike.
+        // Halve the longer side, both where they are alike, and what is bent.
         const DVec2 sides = rect.sides();
-        const bool split_a = sides.x > 0.6 * sides.y, split_b = sides.y > 0.6 * sides.x;
+        const bool split_a =
+            sides.x > 0.6 * sides.y && !(e.accepted && patch.extent <= kLargestPatch);
+        const bool split_b = sides.y > 0.6 * sides.x || !straight;
         const double a = (rect.a0 + rect.a1) / 2, b = (rect.b0 + rect.b1) / 2;
         for (int i = 0; i < (split_a ? 2 : 1); ++i) {
             for (int j = 0; j < (split_b ? 2 : 1); ++j) {
@@ -328,7 +365,7 @@ class Walk {
     S radius_ = 0, half_width_ = 0;
     S inverse_[3] = {};
     bool interpolate_ = false;
-    double estimate_ = 0;
+    TileEstimate estimate_;
     std::vector<std::uint32_t> stack_, front_;
     Sources<S> near_, far_;
 };
@@ -393,7 +430,7 @@ class Prefilter {
         const std::size_t tiles = index(cube::kFaceCount) * index(across) * index(across);
         Prefiltered result;
         result.texels.resize(index(cube::kFaceCount) * index(face_size_) * index(face_size_));
-        std::vector<double> sums(tiles);
+        std::vector<TileEstimate> sums(tiles);
         parallel_for(tiles, [&](std::size_t i) {
             const int in_face = static_cast<int>(i % (index(across) * index(across)));
             Tile tile{static_cast<cube::Face>(i / (index(across) * index(across))),
@@ -403,7 +440,9 @@ class Prefilter {
             sums[i] = single_ ? bake_singly(tile, result.texels) : bake(tile, result.texels);
             progress.add(index(tile.rows) * index(tile.columns));
         });
-        for (const double s : sums) result.worst_sum = std::max(result.worst_sum, s);
+        for (const TileEstimate& s : sums) {
+            result.error_estimate = std::max(result.error_estimate, s.error());
+        }
         return result;
     }
 
@@ -441,7 +480,7 @@ class Prefilter {
         return tree_.floor() * tree_.scale() + glm::max(sum, DVec3{0}) * weight_.inverse_norm;
     }
 
-    double bake(const Tile& tile, std::vector<Vec3>& texels) const {
+    TileEstimate bake(const Tile& tile, std::vector<Vec3>& texels) const {
         const DVec3 middle =
             glm::normalize(direction(tile, (tile.rows - 1) / 2.0, (tile.columns - 1) / 2.0));
         double radius = 0;
@@ -485,7 +524,7 @@ class Prefilter {
                 write(tile, r, c, {sums.at(0, p), sums.at(1, p), sums.at(2, p)}, texels);
             }
         }
-        return walk.sum_of_estimates();
+        return walk.estimated();
     }
 
     void add_interpolated(const Tile& tile, const Sources<float>& sources, Sums& sums) const {
@@ -526,9 +565,9 @@ class Prefilter {
     }
 
     /// Lobes narrower than an output texel: neighbours share nothing, and float has too few digits.
-    double bake_singly(const Tile& tile, std::vector<Vec3>& texels) const {
+    TileEstimate bake_singly(const Tile& tile, std::vector<Vec3>& texels) const {
         Walk<double> walk(tree_, weight_, accuracy_);
-        double worst = 0;
+        TileEstimate worst;
         for (int r = 0; r < tile.rows; ++r) {
             for (int c = 0; c < tile.columns; ++c) {
                 const DVec3 d = direction(tile, r, c);
@@ -547,7 +586,7 @@ class Prefilter {
                     add_patch<true>(weight_, m, d.x, d.y, d.z, &sum.x);
                 }
                 write(tile, r, c, sum, texels);
-                worst = std::max(worst, walk.sum_of_estimates());
+                worst.keep_largest(walk.estimated());
             }
         }
         return worst;

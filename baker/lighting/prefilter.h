@@ -9,17 +9,18 @@
 
 namespace envbake::lighting {
 
-/// How far sources are opened. An entry of the estimates is relative to a texel's value plus 1e-3
-/// of the mean, like the tolerance.
+/// How far sources are opened. Estimates are relative to a texel's value plus 1e-3 of the mean,
+/// like MipsJob::tolerance, and are of one source; a texel has some hundreds of them.
 struct PrefilterAccuracy {
-    double cluster = 3e-5;  ///< largest estimate of one source, from the curvature of the weight
-    double horizon = 3e-4;  ///< ... of one source that the horizon cuts
-    double interpolation = 1e-3;  ///< ... of one source's error of interpolation within a tile
+    double cluster = 3e-5;        ///< largest error from the curvature of the weight
+    double horizon = 2e-4;        ///< largest error of a source that the horizon cuts
+    double extent2 = 0.2;         ///< largest (extent / l)^2, l^2 = lobe^2 + distance^2
+    double interpolation = 1e-3;  ///< largest error of interpolation within a tile
 };
 
 struct Prefiltered {
-    std::vector<Vec3> texels;  ///< faces in order, rows from the top
-    double worst_sum = 0;      ///< largest sum, over the sources of one tile, of the estimates
+    std::vector<Vec3> texels;   ///< faces in order, rows from the top
+    double error_estimate = 0;  ///< of the worst tile: calibrated sums of its sources' estimates
 };
 
 /// Extent of the smallest block of texels that a lobe of this width asks of the tree, radians.

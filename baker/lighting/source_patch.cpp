@@ -37,6 +37,8 @@ SourcePatch lat_long_patch(const SourceRect& rect) {
     patch.centre = {ring * cos_phi, row_c / row_1, ring * sin_phi};
     patch.half_a = half_theta * DVec3{cos_theta * cos_phi, -sin_theta, cos_theta * sin_phi};
     patch.half_b = half_phi * sin_theta * DVec3{-sin_phi, 0, cos_phi};
+    patch.bend = 2 * half_phi * std::abs(cos_theta);
+    patch.taper = std::abs(cos_theta * sin_half) / (sin_theta * std::cos(half_theta));
     return patch;
 }
 
@@ -68,6 +70,7 @@ SourcePatch cube_patch(const SourceRect& rect) {
     const double inverse = 1 / std::sqrt(1 + u * u + v * v);
     patch.half_a = half_v * inverse * (along_v - w * glm::dot(w, along_v));
     patch.half_b = half_u * inverse * (along_u - w * glm::dot(w, along_u));
+    patch.taper = (std::abs(u) * half_u + std::abs(v) * half_v) / (1 + u * u + v * v);
     return patch;
 }
 
@@ -93,6 +96,7 @@ SourcePatch make_patch(const SourceRect& rect) {
     SourcePatch patch = rect.face < 0 ? lat_long_patch(rect) : cube_patch(rect);
     const DVec2 sides = rect.sides();
     patch.extent = std::max(sides.x, sides.y);
+    patch.aspect = patch.extent / std::min(sides.x, sides.y);
     // 1 - |c|^2 has no digits left for a tiny patch; its sides have.
     patch.variance =
         patch.extent < 1e-3

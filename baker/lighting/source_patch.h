@@ -32,6 +32,9 @@ struct SourcePatch {
     DVec3 half_a{0};  ///< the patch is about centre + s half_a + t half_b, s and t in [-1, 1]
     DVec3 half_b{0};
     double extent = 0;  ///< the longer side, radians
+    double aspect = 1;  ///< the longer side over the shorter
+    double bend = 0;    ///< angle by which the longer sides turn: 0 for great circles, radians
+    double taper = 0;   ///< 0: a parallelogram; 1: a triangle, at a pole
 };
 
 SourcePatch make_patch(const SourceRect& rect);

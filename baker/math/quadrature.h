@@ -60,10 +60,10 @@ inline int gauss_count_for_frequency(double frequency, double length) {
 /// Nodes for a function that is analytic within `distance` of an interval of half width
 /// `half_width` (both as seen across the interval): the error falls like rho^(-2n), rho = x +
 /// sqrt(1 + x^2), x = distance / half_width. [Trefethen08] theorem 4.5.
-inline int gauss_count_for_singularity(double distance, double half_width) {
+inline int gauss_count_for_singularity(double distance, double half_width, double error = 1e-16) {
     const double x = distance / half_width;
     const double log_rho = std::asinh(x);
-    return std::max(2, static_cast<int>(std::ceil(std::log(1e16) / (2 * log_rho))));
+    return std::max(2, static_cast<int>(std::ceil(std::log(1 / error) / (2 * log_rho))));
 }
 
 }  // namespace envbake
