@@ -2,6 +2,7 @@
 #include "baker/lighting/cluster_tree.h"
 
 #include "baker/core/parallel.h"
+#include "baker/math/simd.h"
 #include "envbake/runtime/cube.h"
 
 #include <algorithm>
@@ -74,11 +75,13 @@ ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
     width_ = lat_long ? lat_long->width : cube->size;
     height_ = lat_long ? lat_long->height : cube->size;
 
-    floor_ = ceiling_ = DVec3(environment.radiance[0]);
+    Vec3 low = environment.radiance[0], high = low;
     for (const Vec3& L : environment.radiance) {
-        floor_ = glm::min(floor_, DVec3(L));
-        ceiling_ = glm::max(ceiling_, DVec3(L));
+        low = glm::min(low, L);
+        high = glm::max(high, L);
     }
+    floor_ = DVec3(low);
+    ceiling_ = DVec3(high);
     for (int k = 0; k < 3; ++k) {
         const double peak = ceiling_[k] - floor_[k];
         scale_[k] = peak > 0 ? std::ldexp(1.0, -(std::ilogb(peak) + 1)) : 1.0;
@@ -149,7 +152,8 @@ ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_
     parallel_for(level.rows.size(), [&](std::size_t at) {
         const Level::Row& run = level.rows[at];
         constexpr int kSums = 5;
-        std::vector<double> sums(index(3 * kSums * width_), 0.0);
+        const int stride = (width_ + kDoubleLanes - 1) / kDoubleLanes * kDoubleLanes;
+        std::vector<double> sums(index(3 * kSums * stride), 0.0), row(index(stride), 0.0);
         double uniform[3] = {};  // of 1, sin, cos over the rows
         for (int r = run.row0; r < run.row1; ++r) {
             const double t0 = grid.theta_edges[index(r)], t1 = grid.theta_edges[index(r + 1)];
@@ -169,10 +173,16 @@ ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_
             uniform[2] += sc;
             const Vec3* texels = environment_->radiance.data() + index(r) * index(width_);
             for (int k = 0; k < 3; ++k) {
-                double* out = sums.data() + k * kSums * width_;
                 for (int i = 0; i < width_; ++i) {
-                    const double L = (static_cast<double>(texels[i][k]) - floor_[k]) * scale_[k];
-                    for (int j = 0; j < kSums; ++j) out[j * width_ + i] += weights[j] * L;
+                    row[index(i)] = (static_cast<double>(texels[i][k]) - floor_[k]) * scale_[k];
+                }
+                double* out = sums.data() + k * kSums * stride;
+                for (int i = 0; i < stride; i += kDoubleLanes) {
+                    const auto L = load<Double8>(row.data() + i);
+                    for (int j = 0; j < kSums; ++j) {
+                        double* at_sum = out + j * stride + i;
+                        store(load<Double8>(at_sum) + weights[j] * L, at_sum);
+                    }
                 }
             }
         }
@@ -185,9 +195,9 @@ ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_
                 raw.omega += uniform[0] * p.one;
                 raw.uniform += DVec3{uniform[1] * p.c, uniform[2] * p.one, uniform[1] * p.s};
                 for (int k = 0; k < 3; ++k) {
-                    const double* in = sums.data() + k * kSums * width_ + i;
-                    const double s1 = in[0], s2 = in[width_], sc = in[2 * width_],
-                                 s3 = in[3 * width_], s2c = in[4 * width_];
+                    const double* in = sums.data() + k * kSums * stride + i;
+                    const double s1 = in[0], s2 = in[stride], sc = in[2 * stride],
+                                 s3 = in[3 * stride], s2c = in[4 * stride];
                     raw.flux[k] += s1 * p.one;
                     raw.first[k] += DVec3{s2 * p.c, sc * p.one, s2 * p.s};
                     raw.second[k][0] += s3 * p.cc;

@@ -269,7 +269,7 @@ class Walk {
     /// What one source's Taylor series leaves out, relative to the darkest point of the tile, with
     /// l^2 = 2 A / b + distance^2 and y = b t = 2 / l^2 at the nearest point: third order where the
     /// source is uneven, and some of the fourth; at the horizon the kink of max(0, mu). The factors
-    /// are calibrated (docs/accuracy.md), not proved.
+    /// are calibrated against brute force, not proved.
     template <bool kCluster, class T>
     Estimate estimate(S near, const T* flux, S variance, S extent, S unevenness,
                       bool horizon) const {
@@ -289,7 +289,7 @@ class Walk {
         S kink = 0;
         if (horizon) {
             kink = kCluster ? S(0.15) * std::sqrt(3 * variance) * w_horizon
-                            : S(0.3) * extent * extent * w_horizon;
+                            : S(0.1) * extent * extent * w_horizon;
         }
         // The sources of the lobe's core are many and err alike: no share of theirs is small
         // enough, so their extent has a limit of its own.

@@ -233,17 +233,17 @@ TEST(Mips, MatchBruteForceOnEveryGrid) {
             return DVec3{random.next(), 50 * random.next() * random.next(), i % 3 == 0 ? 1.0 : 0.0};
         });
         const test::PrefilterReference reference(environment);
-        for (const float r : {0.05f, 0.2f, 0.25f, 0.5f, 0.75f, 1.0f}) {
+        for (const float r : {0.05f, 0.25f, 0.5f, 1.0f}) {
             const Mip mip = bake_one(environment, r, 5);
             // Texels of up to 360 degrees: measured up to 1.35e-3, on 3 x 5 texels at r = 0.5.
-            EXPECT_LT(worst_error(mip, reference, 6), 1.5e-3)
+            EXPECT_LT(worst_error(mip, reference, 4), 1.5e-3)
                 << "r=" << r << " texels " << environment.radiance.size();
         }
     }
 }
 
 TEST(Mips, MatchBruteForceUnderSunAndSky) {
-    for (const Grid& grid : {Grid(test::lat_long_grid(256, 128)), Grid(test::cube_grid(64)),
+    for (const Grid& grid : {Grid(test::lat_long_grid(192, 96)), Grid(test::cube_grid(40)),
                              Grid(test::uneven_lat_long_grid(101, 50))}) {
         const Environment environment = test::sun_and_sky(grid);
         const test::PrefilterReference reference(environment);
@@ -252,7 +252,7 @@ TEST(Mips, MatchBruteForceUnderSunAndSky) {
         for (const auto& [r, size] : levels) {
             for (const double tolerance : {1e-3, 1e-2}) {
                 const Mip mip = bake_one(environment, r, size, tolerance);
-                const double worst = worst_error(mip, reference, 6);
+                const double worst = worst_error(mip, reference, 4);
                 EXPECT_LT(worst, tolerance) << "r=" << r;
                 EXPECT_LE(worst, mip.error_estimate) << "r=" << r;
             }
