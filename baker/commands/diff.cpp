@@ -70,8 +70,8 @@ Expected<std::vector<ArrayDifference>> compare(const format::Reader& a, const fo
 
 /// The metadata's differences as paths: "/options/bands: 5 -> 4".
 Json compare_metadata(const format::Reader& a, const format::Reader& b) {
-    const Json metadata_a = Json::parse(a.metadata(), nullptr, false);
-    const Json metadata_b = Json::parse(b.metadata(), nullptr, false);
+    const Json metadata_a = parse_metadata(a.metadata());
+    const Json metadata_b = parse_metadata(b.metadata());
     Json list = Json::array();
     if (metadata_a.is_discarded() || metadata_b.is_discarded()) return list;
     const Json flat_a = metadata_a.flatten(), flat_b = metadata_b.flatten();
@@ -99,7 +99,7 @@ Expected<ExitCode> diff(const DiffOptions& options, std::ostream& out) {
                             {"elements", d.count},
                             {"max", d.max},
                             {"relative_rms", d.relative_rms}});
-        out << Json{{"same", same}, {"arrays", list}, {"metadata", metadata}}.dump(2) << '\n';
+        out << to_text({{"same", same}, {"arrays", list}, {"metadata", metadata}}, 2) << '\n';
     } else {
         for (const ArrayDifference& d : arrays) {
             out << d.name << ": " << d.what;

@@ -290,9 +290,9 @@ Expected<ExitCode> dump(const DumpOptions& options, std::ostream& out) {
     std::stable_sort(arrays.begin(), arrays.end(), [](const DumpedArray& a, const DumpedArray& b) {
         return natural_less(a.info.name, b.info.name);
     });
-    const Json metadata = Json::parse(reader.metadata(), nullptr, /*allow_exceptions=*/false);
+    const Json metadata = parse_metadata(reader.metadata());
     if (options.json)
-        out << dump_json(reader, arrays, metadata.is_discarded() ? Json() : metadata).dump(2)
+        out << to_text(dump_json(reader, arrays, metadata.is_discarded() ? Json() : metadata), 2)
             << '\n';
     else
         print_text(options.bundle, reader, arrays, metadata, out);

@@ -28,7 +28,7 @@ Expected<void> print_new_plan(const PlanOptions& options, std::ostream& out) {
                            {"stages", plan_json(plan)},
                            {"expected_rays", plan.ray_count},
                            {"expected_bytes", plan.output_bytes}};
-        out << json.dump(2) << '\n';
+        out << to_text(json, 2) << '\n';
         return {};
     }
     print_stages(plan_json(plan), out);
@@ -40,12 +40,12 @@ Expected<void> print_new_plan(const PlanOptions& options, std::ostream& out) {
 /// The plan that stands in an up-to-date bundle: no input is opened for it.
 Expected<void> print_stored_plan(const PlanOptions& options, std::ostream& out) {
     const auto reader = format::Reader::open(options.request.output.c_str());
-    const Json metadata = reader ? Json::parse(reader->metadata(), nullptr, false) : Json();
+    const Json metadata = reader ? parse_metadata(reader->metadata()) : Json();
     if (!metadata.is_object() || !metadata.contains("plan"))
         return Error{Errc::InvalidBundle,
                      concat(options.request.output.string(), ": holds no plan")};
     if (options.json) {
-        out << Json{{"up_to_date", true}, {"stages", metadata["plan"]}}.dump(2) << '\n';
+        out << to_text({{"up_to_date", true}, {"stages", metadata["plan"]}}, 2) << '\n';
         return {};
     }
     out << options.request.output.string()

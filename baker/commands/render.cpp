@@ -135,7 +135,7 @@ Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostr
         return Error{system ? Errc::Failed : Errc::InvalidBundle,
                      concat(options.bundle.string(), ": ", format::to_string(bundle.error()))};
     }
-    const Json metadata = Json::parse(bundle->reader().metadata(), nullptr, false);
+    const Json metadata = parse_metadata(bundle->reader().metadata());
     ENVBAKE_TRY_VOID(require_same_input(options, metadata, "scene", options.scene));
     ENVBAKE_TRY(const Scene scene, read_scene(options.scene));
     ENVBAKE_TRY(const Tracer tracer, Tracer::build(scene));

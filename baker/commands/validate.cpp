@@ -23,7 +23,7 @@ ExitCode print(const ValidateOptions& options, const std::vector<Finding>& findi
         Json list = Json::array();
         for (const Finding& f : findings)
             list.push_back({{"code", f.code}, {"name", f.name}, {"message", f.message}});
-        out << Json{{"valid", findings.empty()}, {"findings", std::move(list)}}.dump(2) << '\n';
+        out << to_text({{"valid", findings.empty()}, {"findings", std::move(list)}}, 2) << '\n';
     } else if (findings.empty()) {
         out << options.bundle.string() << ": valid\n";
     } else {

@@ -9,6 +9,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace envbake {
@@ -40,9 +41,16 @@ Json options_json(const BakeRequest& request);
 /// The plan as the bundle stores it: [{"output", "decision": "bake" | "skip", "reason"}].
 Json plan_json(const BakePlan& plan);
 
-/// The whole document, docs/metadata.md. Nothing in it changes from run to run.
+/// The whole document, docs/format.md. Nothing in it changes from run to run.
 Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
                    const BakeReport& report);
+
+/// A bundle's metadata as its reader has it; discarded (Json::is_discarded) where it is not JSON,
+/// or nested deeper than 64, which no bundle needs and recursive code would not survive.
+Json parse_metadata(std::string_view text);
+
+/// Text for people and files: bytes that are no UTF-8, as a file name may hold, become U+FFFD.
+std::string to_text(const Json& json, int indent);
 
 /// "1.0.0"
 std::string tool_version();

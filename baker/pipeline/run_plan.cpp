@@ -36,7 +36,7 @@ class Run {
                 std::visit([&](const auto& job) { return bake(stage.output, job); }, *stage.job));
         }
         ENVBAKE_TRY_VOID(write_self_test());
-        const std::string metadata = metadata_json(request_, inputs_, plan, report_).dump(1);
+        const std::string metadata = to_text(metadata_json(request_, inputs_, plan, report_), 1);
         return add<std::uint8_t>(
             std::string(format::kMetadataName), {metadata.size()},
             {reinterpret_cast<const std::uint8_t*>(metadata.data()), metadata.size()},

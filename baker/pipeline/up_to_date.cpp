@@ -42,7 +42,7 @@ bool inputs_unchanged(const BakeRequest& request, const Json& inputs) {
 bool is_up_to_date(const BakeRequest& request) {
     const auto reader = format::Reader::open(request.output.c_str());
     if (!reader) return false;
-    const Json metadata = Json::parse(reader->metadata(), nullptr, /*allow_exceptions=*/false);
+    const Json metadata = parse_metadata(reader->metadata());
     try {
         return metadata.at("tool").at("version") == tool_version() &&
                metadata.at("options") == options_json(request) &&

@@ -78,7 +78,7 @@ class Validation {
             add(format::Error::at(format::Errc::MissingMetadata));
             return;
         }
-        metadata_ = Json::parse(reader_.metadata(), nullptr, /*allow_exceptions=*/false);
+        metadata_ = parse_metadata(reader_.metadata());
         if (!metadata_.is_object()) {
             metadata_ = Json::object();
             add(100, "MetadataSyntax",

@@ -185,6 +185,15 @@ TEST_F(Commands, AKilledBakeLeavesTheOldFileAndNothingElse) {
     EXPECT_GT(killed, 0) << "every bake was faster than its killer";
 }
 
+TEST_F(Commands, FileNamesMayBeNoUtf8) {
+    const std::string odd = (folder_ / "sky\xff.hdr").string();
+    fs::rename(sky_, odd);
+    sky_ = odd;
+    bake();
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
+    EXPECT_EQ(dump()["metadata"]["inputs"][2]["name"], "sky\xef\xbf\xbd.hdr");
+}
+
 TEST_F(Commands, AFolderThatCannotBeWrittenToIsOne) {
     auto arguments = bake_arguments();
     arguments[5] = (folder_ / "absent" / "x.envb").string();

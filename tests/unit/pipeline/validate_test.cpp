@@ -95,6 +95,11 @@ TEST_F(Validate, EachRuleHasItsCode) {
         {34, [](Content& c) { c.with_metadata = false; }},
         {100, [](Content& c) { c.metadata = "[1"; }},
         {100, [](Content& c) { c.metadata = "[]"; }},
+        {100, [](Content& c) { c.metadata = "{\"a\":" + std::string(100000, '['); }},
+        {100,
+         [](Content& c) {
+             c.metadata = "{\"a\":" + std::string(65, '[') + std::string(65, ']') + "}";
+         }},
         {100, [](Content& c) { c.metadata = "{\"\xff\":1}"; }},
         {101, [](Content& c) { c.metadata = "{}"; }},
         {102, [](Content& c) { c.diffuse_as_u32 = true; }},
