@@ -134,6 +134,14 @@ ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_
                            double_sine * std::sin(2 * phi) / 2});
     }
 
+    for (int r = 0; r < height_; ++r) {
+        theta_terms_.push_back(
+            theta_terms(grid.theta_edges[index(r)], grid.theta_edges[index(r + 1)]));
+    }
+    for (int c = 0; c < width_; ++c) {
+        phi_terms_.push_back(phi_terms(grid.phi_edges[index(c)], grid.phi_edges[index(c + 1)]));
+    }
+
     Level level;
     const int most = floor_power_of_two(width_);
     for (int row0 = 0; row0 < height_; row0 += rows_per_block) {
@@ -394,6 +402,11 @@ SourceRect ClusterTree::rect_of(const TexelBlock& b) const {
 
 SourceRect ClusterTree::texel_rect(const TexelBlock& block, int row, int column) const {
     return rect_of({block.face, row, row + 1, column, column + 1});
+}
+
+SourcePatch ClusterTree::texel_patch(const TexelBlock& block, int row, int column) const {
+    if (block.face >= 0) return make_patch(texel_rect(block, row, column));
+    return make_patch(theta_terms_[index(row)], phi_terms_[index(column)]);
 }
 
 DVec3 ClusterTree::excess(const TexelBlock& block, int row, int column) const {

@@ -52,6 +52,7 @@ class ClusterTree {
     const TexelBlock& block(std::uint32_t i) const { return blocks_[i]; }
 
     SourceRect texel_rect(const TexelBlock& block, int row, int column) const;
+    SourcePatch texel_patch(const TexelBlock& block, int row, int column) const;
     /// Radiance over the floor, times scale().
     DVec3 excess(const TexelBlock& block, int row, int column) const;
 
@@ -77,6 +78,8 @@ class ClusterTree {
     int width_ = 0, height_ = 0;
     DVec3 floor_{0}, ceiling_{0}, mean_excess_{0}, centre_weight_{0};
     DVec3 scale_{1};
+    std::vector<ThetaTerms> theta_terms_;  ///< of the rows and columns of a lat-long grid
+    std::vector<PhiTerms> phi_terms_;
     std::vector<ClusterNode> nodes_;
     std::vector<ClusterMoments<float>> moments_;
     std::vector<TexelBlock> blocks_;

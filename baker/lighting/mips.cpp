@@ -33,7 +33,7 @@ lighting::PrefilterAccuracy accuracy_for(double tolerance) {
     const double relative = std::clamp(tolerance, 1e-5, 0.3) / 1e-3;
     const double cluster = 3e-5 * (relative < 1 ? relative * relative : relative);
     return {.cluster = cluster,
-            .horizon = 7 * cluster,
+            .horizon = 10 * cluster,
             .extent2 = std::clamp(std::cbrt(6 * tolerance), 0.03, 0.5),
             .interpolation = 1e-3 * std::min(relative, 5.0)};
 }

@@ -158,7 +158,7 @@ struct TileEstimate {
     }
     /// Calibrated against brute force, factor by factor, on photographs, synthetic skies and noise.
     double error() const {
-        return 0.06 * core + 0.15 * curvature + 0.4 * std::sqrt(kink2) +
+        return 0.06 * core + 0.15 * curvature + 0.3 * std::sqrt(kink2) +
                0.02 * std::sqrt(interpolation2);
     }
 };
@@ -318,13 +318,14 @@ class Walk {
             for (int c = block.column0; c < block.column1; ++c) {
                 const DVec3 radiance = tree_.excess(block, r, c);
                 if (radiance == DVec3{0}) continue;
-                add_patch_or_parts(tree_.texel_rect(block, r, c), radiance, 0);
+                const SourcePatch patch = tree_.texel_patch(block, r, c);
+                add_patch_or_parts(patch, tree_.texel_rect(block, r, c), radiance, 0);
             }
         }
     }
 
-    void add_patch_or_parts(const SourceRect& rect, const DVec3& radiance, int depth) {
-        const SourcePatch patch = make_patch(rect);
+    void add_patch_or_parts(const SourcePatch& patch, const SourceRect& rect, const DVec3& radiance,
+                            int depth) {
         const double reach = 1.05 * (glm::length(patch.half_a) + glm::length(patch.half_b)) +
                              patch.extent * patch.extent;
         const DVec3& c = patch.centre;
@@ -353,7 +354,7 @@ class Walk {
                 SourceRect part = rect;
                 if (split_a) (i == 0 ? part.a1 : part.a0) = a;
                 if (split_b) (j == 0 ? part.b1 : part.b0) = b;
-                add_patch_or_parts(part, radiance, depth + 1);
+                add_patch_or_parts(make_patch(part), part, radiance, depth + 1);
             }
         }
     }

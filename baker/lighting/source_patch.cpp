@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace envbake::lighting {
 namespace {
@@ -19,27 +20,15 @@ double sinc(double x) {
     return std::abs(x) < 1e-6 ? 1 - x * x / 6 : std::sin(x) / x;
 }
 
-SourcePatch lat_long_patch(const SourceRect& rect) {
-    const double theta = (rect.a0 + rect.a1) / 2, half_theta = (rect.a1 - rect.a0) / 2;
-    const double phi = (rect.b0 + rect.b1) / 2, half_phi = (rect.b1 - rect.b0) / 2;
-    const double sin_theta = std::sin(theta), cos_theta = std::cos(theta);
-    const double sin_phi = std::sin(phi), cos_phi = std::cos(phi);
-    // Over the row: integral of sin, of sin^2 (as sin^2 of the middle and a remainder: no digits
-    // are lost next to a pole), and of sin cos.
-    const double sin_half = std::sin(half_theta), sin_two_half = std::sin(2 * half_theta);
-    const double row_1 = 2 * sin_theta * sin_half;
-    const double row_s = sin_theta * sin_theta * sin_two_half + (half_theta - sin_two_half / 2);
-    const double row_c = sin_theta * cos_theta * sin_two_half;
-    const double ring = row_s / row_1 * sinc(half_phi);
-
-    SourcePatch patch;
-    patch.omega = row_1 * 2 * half_phi;
-    patch.centre = {ring * cos_phi, row_c / row_1, ring * sin_phi};
-    patch.half_a = half_theta * DVec3{cos_theta * cos_phi, -sin_theta, cos_theta * sin_phi};
-    patch.half_b = half_phi * sin_theta * DVec3{-sin_phi, 0, cos_phi};
-    patch.bend = 2 * half_phi * std::abs(cos_theta);
-    patch.taper = std::abs(cos_theta * sin_half) / (sin_theta * std::cos(half_theta));
-    return patch;
+/// What follows from the sides of a patch.
+void finish(double side_a, double side_b, SourcePatch& patch) {
+    patch.extent = std::max(side_a, side_b);
+    patch.aspect = patch.extent / std::min(side_a, side_b);
+    // 1 - |c|^2 has no digits left for a tiny patch; its sides have.
+    patch.variance =
+        patch.extent < 1e-3
+            ? (glm::dot(patch.half_a, patch.half_a) + glm::dot(patch.half_b, patch.half_b)) / 6
+            : (1 - glm::dot(patch.centre, patch.centre)) / 2;
 }
 
 SourcePatch cube_patch(const SourceRect& rect) {
@@ -88,20 +77,55 @@ DVec2 SourceRect::sides() const {
         const double r2 = 1 + u * u + v * v;
         return {(a1 - a0) * std::sqrt(1 + u * u) / r2, (b1 - b0) * std::sqrt(1 + v * v) / r2};
     }
-    const double half_pi = std::acos(0.0);
-    return {a1 - a0, (b1 - b0) * std::sin(std::clamp(half_pi, a0, a1))};
+    const double quarter = std::numbers::pi / 2;
+    return {a1 - a0, (b1 - b0) * std::sin(std::clamp(quarter, a0, a1))};
+}
+
+ThetaTerms theta_terms(double theta0, double theta1) {
+    const double middle = (theta0 + theta1) / 2, half = (theta1 - theta0) / 2;
+    const double sine = std::sin(middle), cosine = std::cos(middle);
+    const double sin_half = std::sin(half), cos_half = std::cos(half);
+    const double sin_two_half = 2 * sin_half * cos_half;
+    // Integral of sin^2 as that of the middle and a remainder: no digits are lost next to a pole.
+    const double integral = 2 * sine * sin_half;
+    const double of_sin2 = sine * sine * sin_two_half + (half - sin_two_half / 2);
+    const double quarter = std::numbers::pi / 2;
+    return {.half = half,
+            .sine = sine,
+            .cosine = cosine,
+            .integral = integral,
+            .ring = of_sin2 / integral,
+            .height = cosine * cos_half,
+            .widest = std::sin(std::clamp(quarter, theta0, theta1)),
+            .taper = std::abs(cosine * sin_half) / (sine * cos_half)};
+}
+
+PhiTerms phi_terms(double phi0, double phi1) {
+    const double middle = (phi0 + phi1) / 2, half = (phi1 - phi0) / 2;
+    return {half, std::sin(middle), std::cos(middle), sinc(half)};
+}
+
+SourcePatch make_patch(const ThetaTerms& theta, const PhiTerms& phi) {
+    const double ring = theta.ring * phi.shortening;
+    SourcePatch patch;
+    patch.omega = theta.integral * 2 * phi.half;
+    patch.centre = {ring * phi.cosine, theta.height, ring * phi.sine};
+    patch.half_a =
+        theta.half * DVec3{theta.cosine * phi.cosine, -theta.sine, theta.cosine * phi.sine};
+    patch.half_b = phi.half * theta.sine * DVec3{-phi.sine, 0, phi.cosine};
+    patch.bend = 2 * phi.half * std::abs(theta.cosine);
+    patch.taper = theta.taper;
+    finish(2 * theta.half, 2 * phi.half * theta.widest, patch);
+    return patch;
 }
 
 SourcePatch make_patch(const SourceRect& rect) {
-    SourcePatch patch = rect.face < 0 ? lat_long_patch(rect) : cube_patch(rect);
+    if (rect.face < 0) {
+        return make_patch(theta_terms(rect.a0, rect.a1), phi_terms(rect.b0, rect.b1));
+    }
+    SourcePatch patch = cube_patch(rect);
     const DVec2 sides = rect.sides();
-    patch.extent = std::max(sides.x, sides.y);
-    patch.aspect = patch.extent / std::min(sides.x, sides.y);
-    // 1 - |c|^2 has no digits left for a tiny patch; its sides have.
-    patch.variance =
-        patch.extent < 1e-3
-            ? (glm::dot(patch.half_a, patch.half_a) + glm::dot(patch.half_b, patch.half_b)) / 6
-            : (1 - glm::dot(patch.centre, patch.centre)) / 2;
+    finish(sides.x, sides.y, patch);
     return patch;
 }
 

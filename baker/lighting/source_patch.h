@@ -39,6 +39,23 @@ struct SourcePatch {
 
 SourcePatch make_patch(const SourceRect& rect);
 
+/// The factors of a lat-long patch that depend on theta alone and on phi alone. A grid has few rows
+/// and columns: kept, they make the patch of a texel without any trigonometry.
+struct ThetaTerms {
+    double half, sine, cosine;  ///< half the height, radians; of the middle
+    double integral;            ///< of sin
+    double ring, height;        ///< of sin^2 and of sin cos, over that of sin
+    double widest;              ///< largest sin
+    double taper;
+};
+struct PhiTerms {
+    double half, sine, cosine;  ///< half the width, radians; of the middle
+    double shortening;          ///< sin(half) / half
+};
+ThetaTerms theta_terms(double theta0, double theta1);
+PhiTerms phi_terms(double phi0, double phi1);
+SourcePatch make_patch(const ThetaTerms& theta, const PhiTerms& phi);
+
 /// Texel (row, column) of a grid, and blocks row0 .. row1, column0 .. column1 of texels.
 SourceRect block_rect(const LatLongGrid& grid, int row0, int row1, int column0, int column1);
 SourceRect block_rect(const CubeGrid& grid, int face, int row0, int row1, int column0, int column1);
