@@ -85,10 +85,12 @@ struct View {
 };
 
 /// The longest horizontal line of sight among a grid of places inside the bounds that see no hidden
-/// side of anything, looked at slightly downwards from its end.
+/// side of anything, looked at slightly downwards from its end. None where nothing stands further
+/// than a thousandth of the bounds from any of them: above a lone floor seen from behind.
 std::optional<View> longest_inside_view(const Scene& scene, const Tracer& tracer,
                                         const Bounds& bounds) {
     constexpr int kAcross = 7, kUp = 3, kAzimuths = 32;
+    const double least = 1e-3 * glm::length(bounds.size());
     std::optional<View> best;
     for (int cell = 0; cell < kAcross * kUp * kAcross; ++cell) {
         const DVec3 share((cell % kAcross + 0.5) / kAcross,
@@ -110,8 +112,8 @@ std::optional<View> longest_inside_view(const Scene& scene, const Tracer& tracer
             // Both neighbours count too: a gap between two columns is not a view.
             const double length = std::min({free[a], 1.5 * free[(a + 1) % kAzimuths],
                                             1.5 * free[(a + kAzimuths - 1) % kAzimuths]});
+            if (!(length > (best ? best->length * 1.0001 : least))) continue;
             const double phi = 2 * kPi * static_cast<double>(a) / kAzimuths;
-            if (best && length <= best->length * 1.0001) continue;
             best = View{place, DVec3(std::cos(phi), 0, std::sin(phi)), length};
         }
     }
@@ -147,8 +149,10 @@ bool CameraRays::project(const DVec3& point, DVec2& pixel) const {
     return true;
 }
 
-Camera frame_scene(const Scene& scene, const Tracer& tracer, int width, int height) {
+Camera frame_scene(const Scene& scene, const Tracer& tracer, int width, int height,
+                   std::optional<double> vertical_fov_deg) {
     Camera camera;
+    camera.vertical_fov_deg = vertical_fov_deg.value_or(35);
     camera.width = width;
     camera.height = height;
     Bounds bounds;
@@ -176,7 +180,7 @@ Camera frame_scene(const Scene& scene, const Tracer& tracer, int width, int heig
             const DVec3 back = -view->direction;
             const auto wall = tracer.closest(view->position, back);
             const double step_back = wall ? 0.85 * static_cast<double>(wall->distance) : 0.0;
-            camera.vertical_fov_deg = 55;
+            camera.vertical_fov_deg = vertical_fov_deg.value_or(55);
             camera.position = view->position + step_back * back;
             camera.target = camera.position + (step_back + view->length) * view->direction;
         }

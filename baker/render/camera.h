@@ -5,6 +5,8 @@
 #include "baker/math/vector.h"
 #include "baker/trace/tracer.h"
 
+#include <optional>
+
 namespace envbake {
 
 /// A pinhole camera that holds +Y upright (and -Z when it looks straight up or down).
@@ -34,8 +36,10 @@ class CameraRays {
 /// +X) and 11 degrees above, as near as keeps every triangle inside the picture with a margin of
 /// 4 %. A scene that is seen from its inner side from there (most of what the rays meet are back
 /// faces that glTF hides) is a room: the camera then stands inside, where a horizontal line of
-/// sight is longest, and looks along it.
+/// sight is longest, and looks along it. Without such a line of sight it stays outside.
+/// `vertical_fov_deg`: degrees in (0, 180); default: 35 from outside, 55 in a room.
 /// Deterministic. Cost: a pass over the vertices and a few thousand rays.
-Camera frame_scene(const Scene& scene, const Tracer& tracer, int width, int height);
+Camera frame_scene(const Scene& scene, const Tracer& tracer, int width, int height,
+                   std::optional<double> vertical_fov_deg = {});
 
 }  // namespace envbake

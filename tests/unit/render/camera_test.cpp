@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace envbake {
 namespace {
@@ -30,14 +31,15 @@ Extent projected(const Scene& scene, const Camera& camera) {
     return extent;
 }
 
-Camera framed(const Scene& scene, int width, int height) {
+Camera framed(const Scene& scene, int width, int height, std::optional<double> fov_deg = {}) {
     const auto tracer = Tracer::build(scene);
     EXPECT_TRUE(tracer) << tracer.error();
-    return frame_scene(scene, *tracer, width, height);
+    return frame_scene(scene, *tracer, width, height, fov_deg);
 }
 
-void expect_well_framed(const Scene& scene, int width, int height) {
-    const Extent extent = projected(scene, framed(scene, width, height));
+void expect_well_framed(const Scene& scene, int width, int height,
+                        std::optional<double> fov_deg = {}) {
+    const Extent extent = projected(scene, framed(scene, width, height, fov_deg));
     EXPECT_TRUE(extent.all_in_front);
     EXPECT_GE(extent.low.x, 0);
     EXPECT_GE(extent.low.y, 0);
@@ -94,6 +96,39 @@ TEST(Camera, FramesAFloorWithASphere) {
     test::add_sphere(scene, Vec3(1, 1, 0), 1, 24);
     expect_well_framed(scene, 640, 360);
     EXPECT_GT(framed(scene, 640, 360).position.y, 1);
+}
+
+TEST(Camera, FramesWithTheFieldOfViewAskedFor) {
+    Scene scene = test::scene_of(test::diffuse_material(1));
+    test::add_box(scene, Vec3(3, -2, 10), Vec3(2, 1, 1));
+    double distance = 1e30;
+    for (const double fov_deg : {10.0, 35.0, 90.0}) {
+        expect_well_framed(scene, 320, 180, fov_deg);
+        const Camera camera = framed(scene, 320, 180, fov_deg);
+        EXPECT_EQ(camera.vertical_fov_deg, fov_deg);
+        EXPECT_LT(glm::length(camera.position - DVec3(3, -2, 10)), distance);
+        distance = glm::length(camera.position - DVec3(3, -2, 10));
+    }
+    EXPECT_EQ(framed(scene, 320, 180).vertical_fov_deg, 35);
+
+    Scene room = test::scene_of(test::diffuse_material(1));
+    test::add_box(room, Vec3(0, 1.5f, 0), Vec3(2, 1.5f, 6), true);
+    EXPECT_EQ(framed(room, 320, 180, 70).vertical_fov_deg, 70);
+    EXPECT_EQ(framed(room, 320, 180).vertical_fov_deg, 55);
+}
+
+// From above its back alone is seen, as of a room, but there is nothing to see from inside.
+TEST(Camera, AFloorThatFacesDownIsSeenFromOutside) {
+    Scene scene = test::scene_of(test::diffuse_material(1));
+    Mesh mesh;
+    mesh.positions = {Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(0, 0, 1)};
+    mesh.normals.assign(3, Vec3(0, -1, 0));
+    mesh.triangles = {0, 1, 2};
+    scene.meshes.push_back(mesh);
+    const Camera camera = framed(scene, 320, 180);
+    EXPECT_GT(glm::length(camera.target - camera.position), 0.1);
+    EXPECT_NEAR(glm::length(CameraRays(camera).towards(10, 10)), 1, 1e-14);
+    expect_well_framed(scene, 320, 180);
 }
 
 TEST(Camera, StandsInsideARoom) {
