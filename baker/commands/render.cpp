@@ -22,6 +22,7 @@
 #include <optional>
 #include <ostream>
 #include <string>
+#include <system_error>
 #include <vector>
 
 namespace envbake {
@@ -33,7 +34,7 @@ namespace fs = std::filesystem;
 struct RenderOptions {
     fs::path bundle, scene, output, environment;
     std::vector<double> camera, look_at;
-    double fov_deg = 35;
+    std::optional<double> fov_deg;
     std::vector<int> size{1280, 720};
     int sights_per_axis = 3;
     bool white = false;
@@ -75,25 +76,130 @@ Expected<void> write_difference(const fs::path& file, const Picture& a, const Pi
     return write_picture(file, difference, 1);
 }
 
-/// Refuses a scene or an environment other than the one the bundle was baked from.
-Expected<void> require_same_input(const RenderOptions& options, const Json& metadata,
-                                  const char* role, const fs::path& file) {
-    ENVBAKE_TRY(const FileHash hash, hash_file(file));
-    for (const Json& input : metadata.value("inputs", Json::array()))
-        if (input.value("role", "") == role && input.value("xxh3", "") == hash.xxh3) return {};
-    return Error{Errc::InvalidBundle, concat(options.bundle.string(), ": was baked from another ",
-                                             role, " than ", file.string(), "; bake it again")};
+/// The pictures that the command writes.
+std::vector<fs::path> outputs_of(const RenderOptions& options) {
+    if (!options.reference) return {options.output};
+    return {options.output, beside(options.output, "reference"),
+            beside(options.output, "difference")};
 }
 
-Camera make_camera(const RenderOptions& options, const Scene& scene, const Tracer& tracer) {
+/// Refuses to write over an input, under whatever name, or over what is no file.
+Expected<void> require_writable(const std::vector<fs::path>& outputs,
+                                const std::vector<fs::path>& inputs) {
+    for (const fs::path& output : outputs) {
+        std::error_code ignored;  // of a file that does not exist
+        const fs::file_status status = fs::status(output, ignored);
+        if (fs::exists(status) && !fs::is_regular_file(status))
+            return Error{Errc::Usage, concat(output.string(), ": not a regular file")};
+        for (const fs::path& input : inputs)
+            if (fs::equivalent(output, input, ignored))
+                return Error{Errc::Usage, concat(output.string(), ": would overwrite the input ",
+                                                 input.string())};
+    }
+    return {};
+}
+
+/// Embree takes coordinates up to 1.8e18 (its FLT_LARGE).
+constexpr double kMaxCoordinate = 1e18;
+constexpr double kMaxStops = 100;
+constexpr double kMinFov = 1, kMaxFov = 170;  // degrees
+
+Expected<void> require_point(const char* option, const std::vector<double>& point) {
+    for (const double x : point)
+        if (!(std::abs(x) <= kMaxCoordinate))
+            return Error{Errc::Usage, concat(option, ": ", x, " is not within +-", kMaxCoordinate)};
+    return {};
+}
+
+/// What CLI::Range would say, were it not for NaN, which is in every range.
+Expected<void> require_in_range(const char* option, const std::optional<double>& value, double low,
+                                double high) {
+    if (!value || (*value >= low && *value <= high)) return {};
+    return Error{Errc::Usage, concat(option, ": ", *value, " is not in ", low, " .. ", high)};
+}
+
+/// Everything that can be refused before a file is read.
+Expected<void> check_options(const RenderOptions& options) {
+    const std::string extension = options.output.extension().string();
+    if (extension != ".png" && extension != ".exr") return not_an_image_name(options.output);
+    if (options.reference && options.environment.empty())
+        return Error{Errc::Usage,
+                     "--reference needs the environment that the bundle was baked from: --env"};
+    ENVBAKE_TRY_VOID(require_point("--camera", options.camera));
+    ENVBAKE_TRY_VOID(require_point("--look-at", options.look_at));
+    ENVBAKE_TRY_VOID(require_in_range("--fov", options.fov_deg, kMinFov, kMaxFov));
+    ENVBAKE_TRY_VOID(require_in_range("--exposure", options.exposure, -kMaxStops, kMaxStops));
+    return require_writable(outputs_of(options),
+                            {options.bundle, options.scene, options.environment});
+}
+
+/// An input file as the metadata of a bundle lists it.
+struct BakedInput {
+    std::string role, name, xxh3;
+};
+
+Expected<std::vector<BakedInput>> read_baked_inputs(const fs::path& bundle, const Json& metadata) {
+    const Error error{Errc::InvalidBundle,
+                      concat(bundle.string(), ": the metadata has no valid list of inputs")};
+    std::vector<BakedInput> inputs;
+    try {
+        const Json& list = metadata.at("inputs");
+        if (!list.is_array()) return error;
+        for (const Json& input : list)
+            inputs.push_back({input.at("role").get<std::string>(),
+                              input.at("name").get<std::string>(),
+                              input.at("xxh3").get<std::string>()});
+    } catch (const Json::exception&) {
+        return error;
+    }
+    return inputs;
+}
+
+Error baked_from_another(const fs::path& bundle, const char* role, const fs::path& file) {
+    return {Errc::InvalidBundle, concat(bundle.string(), ": was baked from another ", role,
+                                        " than ", file.string(), "; bake it again")};
+}
+
+/// Refuses a scene or an environment other than the one the bundle was baked from. Its name may be
+/// another.
+Expected<void> require_same_input(const fs::path& bundle, const std::vector<BakedInput>& inputs,
+                                  const char* role, const fs::path& file) {
+    ENVBAKE_TRY(const FileHash hash, hash_file(file));
+    for (const BakedInput& input : inputs)
+        if (input.role == role && input.xxh3 == hash.xxh3) return {};
+    return baked_from_another(bundle, role, file);
+}
+
+/// Refuses a scene one of whose buffers or images is not what it was.
+Expected<void> require_same_resources(const RenderOptions& options,
+                                      const std::vector<BakedInput>& inputs, const Scene& scene) {
+    for (std::size_t i = 1; i < scene.files_read.size(); ++i) {  // the first is the scene itself
+        const fs::path& file = scene.files_read[i];
+        ENVBAKE_TRY(const FileHash hash, hash_file(file));
+        const Json name = file.lexically_relative(options.scene.parent_path()).generic_string();
+        bool same = false;
+        for (const BakedInput& input : inputs)  // as text: a name that is no UTF-8 was stored so
+            same |= input.role == "resource" && input.xxh3 == hash.xxh3 &&
+                    to_text(input.name, -1) == to_text(name, -1);
+        if (!same) return baked_from_another(options.bundle, "resource", file);
+    }
+    return {};
+}
+
+Expected<Camera> make_camera(const RenderOptions& options, const Scene& scene,
+                             const Tracer& tracer) {
     const int width = options.size[0], height = options.size[1];
-    Camera camera = frame_scene(scene, tracer, width, height);
+    Camera camera = frame_scene(scene, tracer, width, height, options.fov_deg);
     const auto vector = [](const std::vector<double>& v) { return DVec3(v[0], v[1], v[2]); };
     if (!options.camera.empty()) {
         camera.position = vector(options.camera);
-        camera.vertical_fov_deg = options.fov_deg;
+        camera.vertical_fov_deg = options.fov_deg.value_or(Camera{}.vertical_fov_deg);
     }
     if (!options.look_at.empty()) camera.target = vector(options.look_at);
+    if (!(glm::length(camera.target - camera.position) > 1e-30))
+        return Error{Errc::Usage,
+                     concat(options.camera.empty() ? "--look-at" : "--camera",
+                            ": the camera stands on the point that it looks at (--look-at)")};
     return camera;
 }
 
@@ -118,11 +224,7 @@ std::vector<Vec3> lighting_of(const runtime::Bundle& bundle) {
 }
 
 Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostream& err) {
-    const std::string extension = options.output.extension().string();
-    if (extension != ".png" && extension != ".exr") return not_an_image_name(options.output);
-    if (options.reference && options.environment.empty())
-        return Error{Errc::Usage,
-                     "--reference needs the environment that the bundle was baked from: --env"};
+    ENVBAKE_TRY_VOID(check_options(options));
     start_image_worker();
     const ThreadLimit limit(options.threads);
     Progress progress;
@@ -135,22 +237,29 @@ Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostr
         return Error{system ? Errc::Failed : Errc::InvalidBundle,
                      concat(options.bundle.string(), ": ", format::to_string(bundle.error()))};
     }
-    const Json metadata = parse_metadata(bundle->reader().metadata());
-    ENVBAKE_TRY_VOID(require_same_input(options, metadata, "scene", options.scene));
+    ENVBAKE_TRY(const std::vector<BakedInput> inputs,
+                read_baked_inputs(options.bundle, parse_metadata(bundle->reader().metadata())));
+    ENVBAKE_TRY_VOID(require_same_input(options.bundle, inputs, "scene", options.scene));
+    if (!options.environment.empty())
+        ENVBAKE_TRY_VOID(
+            require_same_input(options.bundle, inputs, "environment", options.environment));
     ENVBAKE_TRY(const Scene scene, read_scene(options.scene));
+    ENVBAKE_TRY_VOID(require_writable(outputs_of(options), scene.files_read));
+    ENVBAKE_TRY_VOID(require_same_resources(options, inputs, scene));
+    std::optional<Environment> environment;
+    if (options.reference) {
+        ENVBAKE_TRY(environment, read_environment(options.environment));
+    }
     ENVBAKE_TRY(const Tracer tracer, Tracer::build(scene));
-    const Camera camera = make_camera(options, scene, tracer);
+    ENVBAKE_TRY(const Camera camera, make_camera(options, scene, tracer));
     const PreviewOptions preview_options{.sights_per_axis = options.sights_per_axis,
                                          .white_lambert = options.white};
     ENVBAKE_TRY(const Picture picture,
                 render_preview(scene, tracer, *bundle, camera, preview_options, progress));
     const double exposure =
         options.exposure ? std::exp2(*options.exposure) : auto_exposure(picture);
-    ENVBAKE_TRY_VOID(write_picture(options.output, picture, exposure));
-    if (!options.reference) return {};
+    if (!environment) return write_picture(options.output, picture, exposure);
 
-    ENVBAKE_TRY_VOID(require_same_input(options, metadata, "environment", options.environment));
-    ENVBAKE_TRY(const Environment environment, read_environment(options.environment));
     const std::vector<Vec3> lighting = lighting_of(*bundle);
     ReferenceOptions reference_options;
     reference_options.samples_per_pixel = options.reference_samples;
@@ -158,12 +267,13 @@ Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostr
     reference_options.white_lambert = options.white;
     if (options.white) reference_options.truncated_light = lighting;
     const Reference reference =
-        render_reference(scene, tracer, environment, camera, reference_options, progress);
+        render_reference(scene, tracer, *environment, camera, reference_options, progress);
     printer.reset();
     print_comparison("the reference", picture, reference.picture, reference.noise_rms, out);
     if (reference.truncated)
         print_comparison(concat("the same light in ", bundle->lighting().bands, " bands").c_str(),
                          picture, *reference.truncated, reference.truncated_noise_rms, out);
+    ENVBAKE_TRY_VOID(write_picture(options.output, picture, exposure));
     ENVBAKE_TRY_VOID(
         write_picture(beside(options.output, "reference"), reference.picture, exposure));
     return write_difference(beside(options.output, "difference"), picture, reference.picture);
@@ -186,9 +296,9 @@ RunCommand declare_render(CLI::App& app) {
     app.add_option("--look-at", options->look_at, "Point X,Y,Z in the middle of the picture")
         ->expected(3)
         ->delimiter(',');
-    app.add_option("--fov", options->fov_deg, "Vertical field of view in degrees, with --camera")
-        ->capture_default_str()
-        ->check(CLI::Range(1.0, 170.0));
+    app.add_option("--fov", options->fov_deg,
+                   "Vertical field of view, 1 to 170 degrees; default: 35, or 55 where the framing "
+                   "stands in a room");
     app.add_option("--size", options->size, "Picture size WxH in pixels")
         ->expected(2)
         ->delimiter('x')
@@ -199,7 +309,7 @@ RunCommand declare_render(CLI::App& app) {
         ->capture_default_str()
         ->check(CLI::Range(1, 16));
     app.add_option("--exposure", options->exposure,
-                   "Exposure of the .png in stops; default: by the picture");
+                   "Exposure of the .png in stops, -100 to 100; default: by the picture");
     app.add_flag("--white", options->white,
                  "White paper in place of every material: the diffuse part alone");
     app.add_option("--env", options->environment,
