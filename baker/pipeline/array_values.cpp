@@ -62,11 +62,10 @@ Expected<format::Reader> open_bundle(const std::filesystem::path& file) {
 
 Expected<std::vector<std::byte>> read_bytes(const format::Reader& reader,
                                             const format::ArrayInfo& info) {
-    // zstd cannot pack more than this into a byte: a size beyond it is a lie, and is not allocated.
-    constexpr std::uint64_t kMostPerByte = 1 << 16;
-    if (info.codec == format::Codec::Zstd && info.size / kMostPerByte > info.stored_size)
-        return Error{Errc::InvalidBundle, concat("array ", info.name, " claims ", info.size,
-                                                 " bytes from ", info.stored_size, " stored")};
+    if (!reader.size_is_plausible(info))
+        return Error{Errc::InvalidBundle,
+                     concat("array ", info.name, ": what is stored does not decode to the ",
+                            info.size, " bytes of its shape")};
     std::vector<std::byte> bytes(static_cast<std::size_t>(info.size));
     if (auto done = reader.read(info, bytes); !done)
         return Error{Errc::InvalidBundle, format::to_string(done.error())};

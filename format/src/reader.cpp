@@ -188,6 +188,10 @@ std::optional<ArrayInfo> Reader::find(std::string_view name) const noexcept {
     return std::nullopt;
 }
 
+bool Reader::size_is_plausible(const ArrayInfo& info) const noexcept {
+    return info.codec == Codec::None || zstd_states_size(stored_bytes(info), info.size);
+}
+
 Expected<void> Reader::read(const ArrayInfo& info, std::span<std::byte> out) const noexcept {
     if (out.size() != info.size) return Error::at(Errc::BufferSize, info.offset, info.name);
     const auto stored = stored_bytes(info);

@@ -67,6 +67,10 @@ class Reader {
                                   static_cast<std::size_t>(info->element_count()));
     }
 
+    /// Whether memory may be set aside for the decoded array: what is stored says, too, that there
+    /// will be info.size bytes. False for zstd where the build lacks it.
+    bool size_is_plausible(const ArrayInfo& info) const noexcept;
+
     /// Copies or decodes an array into `out`, which has exactly info.size bytes.
     ///
     /// Errors:  BufferSize, ArrayDecode, ArrayCodec (this build lacks zstd)
