@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/pipeline/check_self_test.h"
 
+#include "baker/core/error.h"
+
 #include "envbake/runtime/shade.h"
 
 #include <algorithm>
@@ -107,11 +109,10 @@ class SelfTestCheck {
 
 }  // namespace
 
-std::vector<std::string> check_self_test(const format::Reader& reader, const Json& metadata) {
+std::vector<std::string> check_self_test(const format::Reader& reader, double tolerance) {
     const auto bundle = runtime::Bundle::open(reader.file());
     if (!bundle)
         return {concat("the runtime refuses the bundle: ", format::to_string(bundle.error()))};
-    const double tolerance = metadata.value(Json::json_pointer("/self_test/tolerance"), 1e-3);
     return SelfTestCheck(*bundle, tolerance).run();
 }
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "baker/pipeline/metadata.h"
-
 #include "envbake/format/reader.h"
 
 #include <string>
@@ -10,8 +8,9 @@
 
 namespace envbake {
 
-/// Asks the runtime the questions under "selftest/" and compares its answers with the stored ones.
+/// Asks the runtime the questions under "selftest/" and compares its answers with the stored ones,
+/// within `tolerance` of |stored| + 1e-3 of the group's largest.
 /// One line for each group of questions that it fails; none where all is well.
-std::vector<std::string> check_self_test(const format::Reader& reader, const Json& metadata);
+std::vector<std::string> check_self_test(const format::Reader& reader, double tolerance);
 
 }  // namespace envbake

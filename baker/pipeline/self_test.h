@@ -38,6 +38,7 @@ struct StoredArrays {
 /// the arrays under "selftest/".
 struct SelfTest {
     static constexpr double kTolerance = 1e-3;  ///< of |answer| + 1e-3 of the group's largest
+    static constexpr double kLargestTolerance = 1e-2;  ///< that a bundle may ask for
 
     std::vector<float> irradiance_normal;       ///< [k, 3]
     std::vector<float> irradiance_value;        ///< [k, 3]

@@ -4,14 +4,87 @@
 #include "baker/pipeline/array_values.h"
 #include "baker/pipeline/check_self_test.h"
 #include "baker/pipeline/metadata.h"
+#include "baker/pipeline/self_test.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <limits>
 #include <optional>
+#include <string_view>
 
 namespace envbake {
 
 namespace {
+
+/// What docs/format.md says of a name; Unknown where it says nothing.
+struct KnownName {
+    enum class Kind { Unknown, Metadata, Sh, Mip, Ggx, Diffuse, Unshadowed, Question, Answer };
+    Kind kind = Kind::Unknown;
+    std::uint64_t number = 0;                                ///< K of a mip, I of a mesh
+    std::uint64_t columns = 0;                               ///< of a self-test's array
+    format::ElementType element = format::ElementType::F32;  ///< of a self-test's array
+};
+
+struct QuestionGroup {
+    const char* question;
+    const char* answer;
+    std::uint64_t columns;  ///< of the questions; answers have 3
+    format::ElementType element;
+};
+constexpr QuestionGroup kIrradiance{"selftest/irradiance/normal", "selftest/irradiance/value", 3,
+                                    format::ElementType::F32};
+constexpr QuestionGroup kDiffuse{"selftest/diffuse/vertex", "selftest/diffuse/value", 2,
+                                 format::ElementType::U32};
+constexpr QuestionGroup kSpecular{"selftest/specular/input", "selftest/specular/value", 8,
+                                  format::ElementType::F32};
+
+/// Takes a decimal number without leading zeros off the front; one that does not fit saturates.
+std::optional<std::uint64_t> take_number(std::string_view& text) {
+    const std::size_t size = std::min(text.find_first_not_of("0123456789"), text.size());
+    if (size == 0 || (size > 1 && text[0] == '0')) return std::nullopt;
+    std::uint64_t number = 0;
+    if (std::from_chars(text.data(), text.data() + size, number).ec != std::errc())
+        number = std::numeric_limits<std::uint64_t>::max();
+    text.remove_prefix(size);
+    return number;
+}
+
+KnownName known_name(std::string_view name) {
+    using Kind = KnownName::Kind;
+    if (name == format::kMetadataName) return {Kind::Metadata};
+    if (name == "environment/sh") return {Kind::Sh};
+    if (name == "brdf/ggx") return {Kind::Ggx};
+    for (const QuestionGroup& group : {kIrradiance, kDiffuse, kSpecular}) {
+        if (name == group.question) return {Kind::Question, 0, group.columns, group.element};
+        if (name == group.answer) return {Kind::Answer, 0, 3, format::ElementType::F32};
+    }
+    const auto take = [&](std::string_view prefix) {
+        const bool starts = name.substr(0, prefix.size()) == prefix;
+        if (starts) name.remove_prefix(prefix.size());
+        return starts;
+    };
+    if (take("environment/mips/")) {
+        const auto level = take_number(name);
+        if (level && name.empty()) return {Kind::Mip, *level};
+    } else if (take("mesh/")) {
+        const auto mesh = take_number(name);
+        if (mesh && name == "/diffuse") return {Kind::Diffuse, *mesh};
+        if (mesh && name == "/unshadowed") return {Kind::Unshadowed, *mesh};
+    }
+    return {};
+}
+
+bool is_integer(const Json& json, std::uint64_t least, std::uint64_t most) {
+    if (!json.is_number_unsigned()) return false;
+    const auto value = json.get<std::uint64_t>();
+    return value >= least && value <= most;
+}
+
+/// The member of an object; null where there is none.
+Json member(const Json& json, const char* key) {
+    return json.is_object() && json.contains(key) ? json.at(key) : Json();
+}
 
 class Validation {
   public:
@@ -23,7 +96,7 @@ class Validation {
         check_metadata_syntax();
         if (findings_.empty()) check_meaning();
         if (findings_.empty())
-            for (std::string& message : check_self_test(reader_, metadata_))
+            for (std::string& message : check_self_test(reader_, tolerance_))
                 add(110, "SelfTest", std::move(message));
         return std::move(findings_);
     }
@@ -89,7 +162,9 @@ class Validation {
     void check_meaning() {
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
-            check_type_and_shape(info);
+            const KnownName known = known_name(info.name);
+            if (known.kind == KnownName::Kind::Unknown) continue;
+            check_type_and_shape(info, known);
             const auto measured = statistics(reader_, info);
             if (!measured) continue;  // check_stored has said so
             const ArrayStatistics& s = *measured;
@@ -97,9 +172,10 @@ class Validation {
                 add(104, "NonFinite",
                     concat("array ", info.name, ": ", s.non_finite_count,
                            " elements are NaN or infinite"));
-            if (info.name.rfind("environment/mips/", 0) == 0 && s.min < 0)
+            if (known.kind == KnownName::Kind::Mip && s.min < 0)
                 add(105, "Negative", concat("array ", info.name, ": radiance down to ", s.min));
         }
+        if (findings_.empty()) check_face_sizes();
         if (findings_.empty()) check_metadata_agrees();
     }
 
@@ -121,80 +197,184 @@ class Validation {
         return n > 0 && root <= 10 && root * root == n;
     }
 
-    void check_type_and_shape(const format::ArrayInfo& info) {
+    void check_type_and_shape(const format::ArrayInfo& info, const KnownName& known) {
         using format::ElementType;
+        using Kind = KnownName::Kind;
         const auto& s = info.shape;
-        const auto starts = [&](std::string_view prefix) {
-            return info.name.rfind(prefix, 0) == 0;
-        };
-        const auto ends = [&](std::string_view suffix) {
-            return info.name.size() >= suffix.size() &&
-                   info.name.substr(info.name.size() - suffix.size()) == suffix;
-        };
-        if (info.name == format::kMetadataName) {
-            require_type(info, {ElementType::U8});
-            require_shape(info, info.rank == 1, "[bytes]");
-        } else if (info.name == "environment/sh") {
-            require_type(info, {ElementType::F32});
-            require_shape(info, info.rank == 2 && is_square(s[0]) && s[1] == 3,
-                          "[n*n, 3] for n of 1 to 10");
-        } else if (starts("environment/mips/")) {
-            require_type(info, {ElementType::F32, ElementType::F16});
-            require_shape(info,
-                          info.rank == 4 && s[0] == 6 && s[1] > 0 && s[1] == s[2] && s[3] == 3,
-                          "[6, s, s, 3]");
-        } else if (starts("brdf/")) {
-            require_type(info, {ElementType::F32});
-            require_shape(info, info.rank == 3 && s[0] > 1 && s[0] == s[1] && s[2] == 2,
-                          "[n, n, 2]");
-        } else if (starts("mesh/") && (ends("/diffuse") || ends("/unshadowed"))) {
-            require_type(info, {ElementType::F32});
-            require_shape(info, info.rank == 2 && is_square(s[1]),
-                          "[vertices, n*n] for n of 1 to 10");
+        switch (known.kind) {
+            case Kind::Unknown:
+                break;
+            case Kind::Metadata:
+                require_type(info, {ElementType::U8});
+                require_shape(info, info.rank == 1, "[bytes]");
+                break;
+            case Kind::Sh:
+                require_type(info, {ElementType::F32});
+                require_shape(info, info.rank == 2 && is_square(s[0]) && s[1] == 3,
+                              "[n*n, 3] for n of 1 to 10");
+                break;
+            case Kind::Mip:
+                require_type(info, {ElementType::F32, ElementType::F16});
+                require_shape(info,
+                              info.rank == 4 && s[0] == 6 && s[1] > 0 && s[1] == s[2] && s[3] == 3,
+                              "[6, s, s, 3]");
+                break;
+            case Kind::Ggx:
+                require_type(info, {ElementType::F32});
+                require_shape(info, info.rank == 3 && s[0] > 1 && s[0] == s[1] && s[2] == 2,
+                              "[n, n, 2]");
+                break;
+            case Kind::Diffuse:
+            case Kind::Unshadowed:
+                require_type(info, {ElementType::F32});
+                require_shape(info, info.rank == 2 && is_square(s[1]),
+                              "[vertices, n*n] for n of 1 to 10");
+                break;
+            case Kind::Question:
+            case Kind::Answer:
+                require_type(info, {known.element});
+                require_shape(info, info.rank == 2 && s[0] > 0 && s[1] == known.columns,
+                              concat("[k, ", known.columns, "] for k from 1").c_str());
+                break;
         }
     }
 
-    void check_metadata_agrees() {
-        const auto missing = [&](std::string message) {
-            add(101, "MetadataField", std::move(message));
-        };
-        const auto at = [&](const char* path) {
-            const Json::json_pointer pointer(path);
-            return metadata_.contains(pointer) ? metadata_.at(pointer) : Json();
-        };
-        const Json levels = at("/environment/mips/levels"), count = at("/environment/mips/count");
-        const Json meshes = at("/meshes");
+    struct StoredMip {
+        std::uint64_t level, face_size;
+    };
+    /// By level: the table has 10 before 2.
+    std::vector<StoredMip> stored_mips() const {
+        std::vector<StoredMip> mips;
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
-            const std::string name(info.name);
-            int number = -1;
-            if (std::sscanf(name.c_str(), "environment/mips/%d", &number) == 1) {
-                const bool listed =
-                    count.is_number_integer() && levels.is_array() &&
-                    std::any_of(levels.begin(), levels.end(), [&](const Json& level) {
-                        return level.is_object() && level.value("level", -1) == number &&
-                               level.value("face_size", 0u) == info.shape[1];
-                    });
-                if (!listed)
-                    missing(concat("environment.mips.levels does not list array ", name,
-                                   " with its face size"));
-            } else if (std::sscanf(name.c_str(), "mesh/%d/", &number) == 1) {
-                const auto mesh = static_cast<std::size_t>(number);
-                if (!meshes.is_array() || number < 0 || mesh >= meshes.size() ||
-                    !meshes[mesh].is_object() ||
-                    meshes[mesh].value("vertex_count", std::uint64_t{0}) != info.shape[0])
-                    missing(concat("meshes[", number,
-                                   "].vertex_count is not the row count of array ", name));
-            } else if (name == "brdf/ggx") {
-                const Json axes = at("/brdf/ggx/axes");
-                if (axes != "sqrt" && axes != "linear")
-                    missing("brdf.ggx.axes is neither \"sqrt\" nor \"linear\"");
-            }
+            const KnownName known = known_name(info.name);
+            if (known.kind == KnownName::Kind::Mip) mips.push_back({known.number, info.shape[1]});
         }
+        std::sort(mips.begin(), mips.end(),
+                  [](const StoredMip& a, const StoredMip& b) { return a.level < b.level; });
+        return mips;
+    }
+
+    void check_face_sizes() {
+        const std::vector<StoredMip> mips = stored_mips();
+        for (const StoredMip& mip : mips) {
+            const std::uint64_t below = std::min<std::uint64_t>(mip.level - mips[0].level, 63);
+            const std::uint64_t expected = std::max<std::uint64_t>(1, mips[0].face_size >> below);
+            if (mip.face_size != expected)
+                add(103, "ArrayShape",
+                    concat("array environment/mips/", mip.level, ": its faces are ", mip.face_size,
+                           " texels wide, ", expected, " follow from mip ", mips[0].level));
+        }
+    }
+
+    void wrong_field(std::string message) { add(101, "MetadataField", std::move(message)); }
+
+    void check_metadata_agrees() {
+        check_mips_member();
+        check_meshes_member();
+        check_self_test_member();
+        if (reader_.find("brdf/ggx")) {
+            const Json axes = member(member(member(metadata_, "brdf"), "ggx"), "axes");
+            if (axes != "sqrt" && axes != "linear")
+                wrong_field("brdf.ggx.axes is neither \"sqrt\" nor \"linear\"");
+        }
+    }
+
+    void check_mips_member() {
+        const std::vector<StoredMip> stored = stored_mips();
+        const Json mips = member(member(metadata_, "environment"), "mips");
+        if (stored.empty() && mips.is_null()) return;
+        const Json count = member(mips, "count"), levels = member(mips, "levels");
+        if (!is_integer(count, 1, 16)) {
+            wrong_field("environment.mips.count is no integer of 1 to 16");
+            return;
+        }
+        if (!levels.is_array() || levels.size() != stored.size()) {
+            wrong_field("environment.mips.levels does not list the arrays environment/mips/K");
+            return;
+        }
+        const auto steps = static_cast<double>(count.get<std::uint64_t>() - 1);
+        for (std::size_t i = 0; i < stored.size(); ++i) {
+            const std::uint64_t level = stored[i].level;
+            const Json roughness = member(levels[i], "roughness");
+            if (level != stored[0].level + i)
+                wrong_field(
+                    concat("mip ", stored[0].level + i, " is not stored, but mip ", level, " is"));
+            else if (level >= count.get<std::uint64_t>())
+                wrong_field(concat("environment.mips.count is not above mip ", level));
+            else if (!is_integer(member(levels[i], "level"), level, level) ||
+                     !is_integer(member(levels[i], "face_size"), stored[i].face_size,
+                                 stored[i].face_size))
+                wrong_field(concat("environment.mips.levels[", i,
+                                   "] is not array environment/mips/", level,
+                                   " with its face size"));
+            else if (const double expected = steps > 0 ? static_cast<double>(level) / steps : 0;
+                     !roughness.is_number() ||
+                     !(std::abs(roughness.get<double>() - expected) <= 1e-6))
+                wrong_field(concat("environment.mips.levels[", i, "].roughness is not ", expected));
+        }
+    }
+
+    void check_meshes_member() {
+        const Json meshes = member(metadata_, "meshes");
+        if (!meshes.is_null() && !meshes.is_array()) {
+            wrong_field("meshes is no array");
+            return;
+        }
+        for (std::size_t i = 0; i < meshes.size(); ++i)
+            for (const char* key : {"node", "mesh", "primitive", "vertex_count"})
+                if (!is_integer(member(meshes[i], key), 0,
+                                std::numeric_limits<std::uint32_t>::max()))
+                    wrong_field(concat("meshes[", i, "].", key, " is no integer of 0 to 2^32 - 1"));
+        for (std::size_t i = 0; i < reader_.array_count(); ++i) {
+            const format::ArrayInfo info = reader_.array(i);
+            const KnownName known = known_name(info.name);
+            if (known.kind != KnownName::Kind::Diffuse && known.kind != KnownName::Kind::Unshadowed)
+                continue;
+            if (known.number >= meshes.size() ||
+                member(meshes[static_cast<std::size_t>(known.number)], "vertex_count") !=
+                    info.shape[0])
+                wrong_field(concat("meshes[", known.number,
+                                   "].vertex_count is not the row count of array ", info.name));
+        }
+    }
+
+    /// A bundle with lighting must say how to check a reader of it, and mean it.
+    void check_self_test_member() {
+        const bool has_lighting = reader_.find("environment/sh").has_value();
+        bool has_diffuse = false;
+        for (std::size_t i = 0; i < reader_.array_count(); ++i) {
+            const format::ArrayInfo info = reader_.array(i);
+            if (known_name(info.name).kind == KnownName::Kind::Diffuse)
+                has_diffuse = has_diffuse || info.shape[0] > 0;
+        }
+        bool asked = has_lighting;
+        const auto check_group = [&](const QuestionGroup& group, bool required) {
+            const bool question = reader_.find(group.question).has_value();
+            const bool answer = reader_.find(group.answer).has_value();
+            asked = asked || question || answer;
+            if (!question && (required || answer))
+                wrong_field(concat("array ", group.question, " is missing"));
+            if (!answer && (required || question))
+                wrong_field(concat("array ", group.answer, " is missing"));
+        };
+        check_group(kIrradiance, has_lighting);
+        check_group(kDiffuse, has_lighting && has_diffuse);
+        check_group(kSpecular, false);
+
+        const Json self_test = member(metadata_, "self_test");
+        if (!asked && self_test.is_null()) return;
+        const Json tolerance = member(self_test, "tolerance");
+        if (tolerance.is_number()) tolerance_ = tolerance.get<double>();
+        if (!tolerance.is_number() || !(tolerance_ > 0) ||
+            !(tolerance_ <= SelfTest::kLargestTolerance))
+            wrong_field(concat("self_test.tolerance is no number in (0, ",
+                               SelfTest::kLargestTolerance, "]"));
     }
 
     const format::Reader& reader_;
     Json metadata_ = Json::object();
+    double tolerance_ = SelfTest::kTolerance;
     std::vector<Finding> findings_;
 };
 

@@ -86,7 +86,7 @@ std::vector<std::string> failures_of(const StoredArrays& arrays, const SelfTest&
     }
     const auto reader = format::Reader::open(path.c_str());
     EXPECT_TRUE(reader);
-    auto failures = check_self_test(*reader, Json::parse(kMetadata));
+    auto failures = check_self_test(*reader, SelfTest::kTolerance);
     std::filesystem::remove(path);
     return failures;
 }
