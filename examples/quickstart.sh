@@ -8,9 +8,9 @@ cd "$(dirname "$0")/.."
 
 out=${1:-out/quickstart}
 examples/install_packages.sh
-cmake --preset release -DENVBAKE_BUILD_TESTS=OFF >/dev/null
-cmake --build --preset release
-bin=build/release/bin
+cmake --preset quickstart >/dev/null
+cmake --build --preset quickstart
+bin=build/quickstart/bin
 mkdir -p "$out"
 
 say() { printf '\n--- %s\n' "$*"; }

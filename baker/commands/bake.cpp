@@ -34,7 +34,7 @@ void print_notes(const BakeInputs& inputs, std::ostream& err) {
     }
     if (inputs.scene)
         for (const std::string& note : inputs.scene->notes)
-            err << "envbake: " << inputs.scene->file_name << ": " << note << '\n';
+            err << "envbake: " << printable(concat(inputs.scene->file_name, ": ", note)) << '\n';
 }
 
 Expected<void> bake(const BakeOptions& options, std::ostream& err) {
@@ -47,11 +47,17 @@ Expected<void> bake(const BakeOptions& options, std::ostream& err) {
     Progress progress;
     std::optional<ProgressPrinter> printer;
     if (!options.quiet) printer.emplace(progress, err);
+    ENVBAKE_TRY_VOID(check_output(request.output, {request.scene, request.environment}));
     ENVBAKE_TRY(const BakeInputs inputs, load_inputs(request));
+    if (inputs.scene) ENVBAKE_TRY_VOID(check_output(request.output, inputs.scene->files_read));
     ENVBAKE_TRY(const BakePlan plan, make_plan(request, inputs.facts));
-    ENVBAKE_TRY_VOID(run_plan(request, inputs, plan, progress));
+    ENVBAKE_TRY(const auto shortfalls, run_plan(request, inputs, plan, progress));
     printer.reset();
-    if (!options.quiet) print_notes(inputs, err);
+    if (!options.quiet) {
+        print_notes(inputs, err);
+        for (const std::string& line : shortfalls)
+            err << "envbake: " << printable(request.output.string()) << ": " << line << '\n';
+    }
     if (options.verbose)
         for (const PlannedStage& stage : plan.stages)
             err << "envbake: " << (stage.job ? "baked " : "skipped ") << stage.output << ": "

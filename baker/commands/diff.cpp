@@ -32,7 +32,8 @@ void measure(ArrayDifference& d, const std::vector<double>& a, const std::vector
     double difference = 0, norm = 0;
     for (std::size_t i = 0; i < a.size(); ++i) {
         const bool same = a[i] == b[i] || (std::isnan(a[i]) && std::isnan(b[i]));
-        const double delta = same ? 0 : std::abs(a[i] - b[i]);
+        double delta = same ? 0 : std::abs(a[i] - b[i]);
+        if (std::isnan(delta)) delta = INFINITY;
         d.count += same ? 0 : 1;
         d.max = std::max(d.max, delta);
         difference += delta * delta;

@@ -109,15 +109,18 @@ void print_arrays(const std::vector<DumpedArray>& arrays, const Json& errors, st
     for (const Group& g : group(arrays)) {
         std::uint64_t bytes = 0;
         double low = INFINITY, high = -INFINITY;
+        std::uint64_t non_finite = 0;
         for (const DumpedArray* array : g.arrays) {
             bytes += array->info.stored_size;
             low = std::min(low, array->statistics.min);
             high = std::max(high, array->statistics.max);
+            non_finite += array->statistics.non_finite_count;
         }
         const format::ArrayInfo& info = g.arrays[0]->info;
         std::string as(format::to_string(info.type));
         if (info.codec != format::Codec::None) as += concat("+", format::to_string(info.codec));
         std::string range = concat(format_number(low), " .. ", format_number(high));
+        if (non_finite > 0) range += concat(", ", format_count(non_finite), " not finite");
         if (info.name == format::kMetadataName) {
             as = "json";
             range.clear();
@@ -126,6 +129,27 @@ void print_arrays(const std::vector<DumpedArray>& arrays, const Json& errors, st
                         error_of(g, errors)});
     }
     print_table(rows, out);
+}
+
+/// What the numbers of the error column are: every norm once, with the arrays it belongs to.
+void print_norms(const Json& errors, std::ostream& out) {
+    std::vector<std::pair<std::string, std::string>> norms;  // norm, arrays
+    for (const auto& [name, error] : errors.items()) {
+        const std::string norm = error.at("norm");
+        const bool known = std::any_of(norms.begin(), norms.end(),
+                                       [&](const auto& entry) { return entry.first == norm; });
+        const NumberedName numbered = split_at_number(name);
+        if (!known)
+            norms.emplace_back(
+                norm, numbered.prefix + (numbered.number >= 0 ? "*" : "") + numbered.suffix);
+    }
+    if (norms.empty()) return;
+    out << "\nerrors\n";
+    std::size_t width = 0;
+    for (const auto& [norm, name] : norms) width = std::max(width, printable(name).size());
+    for (const auto& [norm, name] : norms)
+        out << printable(name) << std::string(width - printable(name).size() + 3, ' ')
+            << printable(norm) << '\n';
 }
 
 std::string percent(double fraction) {
@@ -169,8 +193,8 @@ void print_inputs(const Json& metadata, std::ostream& out) {
     const TransportTotals totals = transport_totals(metadata);
     for (const Json& input : metadata.at("inputs")) {
         const std::string role = input.at("role");
-        out << label << input.at("name").get<std::string>() << "  "
-            << input.at("xxh3").get<std::string>();
+        out << label << printable(input.at("name").get<std::string>()) << "  "
+            << printable(input.at("xxh3").get<std::string>());
         label = "               ";
         if (role == "scene")
             out << "  " << format_count(totals.vertices) << " vertices, "
@@ -220,14 +244,14 @@ void print_notes(const Json& metadata, std::ostream& out) {
     const Json notes = metadata.value("scene", Json::object()).value("notes", Json::array());
     if (notes.empty()) return;
     out << "\nnotes\n";
-    for (const Json& note : notes) out << note.get<std::string>() << '\n';
+    for (const Json& note : notes) out << printable(note.get<std::string>()) << '\n';
 }
 
 void print_text(const std::filesystem::path& file, const format::Reader& reader,
                 const std::vector<DumpedArray>& arrays, const Json& metadata, std::ostream& out) {
     const auto damaged =
         std::find_if(arrays.begin(), arrays.end(), [](const DumpedArray& a) { return !a.intact; });
-    out << file.filename().string() << "    envbake bundle " << reader.major() << '.'
+    out << printable(file.filename().string()) << "    envbake bundle " << reader.major() << '.'
         << reader.minor() << ", " << format_bytes(reader.file().size()) << ", " << arrays.size()
         << " arrays, "
         << (damaged == arrays.end() ? std::string("intact")
@@ -244,6 +268,7 @@ void print_text(const std::filesystem::path& file, const format::Reader& reader,
                  metadata.is_object() ? metadata.value("arrays", Json::object()) : Json::object(),
                  out);
     try {
+        print_norms(metadata.at("arrays"), out);
         print_skipped_stages(metadata.at("plan"), out);
         print_notes(metadata, out);
     } catch (const Json::exception&) {

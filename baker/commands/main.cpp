@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/commands/command.h"
+#include "baker/core/text.h"
+#include "baker/pipeline/metadata.h"
 
+#include <exception>
 #include <iostream>
 #include <map>
+#include <new>
 
 namespace envbake {
 
@@ -35,10 +39,24 @@ constexpr const char* kFooter =
     "Exit status: 0 done, 1 the work failed, 2 wrong usage, 3 an input is invalid,\n"
     "4 a bundle is invalid or differs.";
 
+/// Runs a command; what nobody foresaw still ends in one line. Output that did not reach its
+/// destination is a failure.
+ExitCode run_guarded(const RunCommand& run) {
+    try {
+        const ExitCode code = run(std::cout, std::cerr);
+        if (std::cout.flush()) return code;
+        return report({Errc::Failed, "standard output cannot be written"}, std::cerr);
+    } catch (const std::bad_alloc&) {
+        return report({Errc::Failed, "out of memory"}, std::cerr);
+    } catch (const std::exception& e) {
+        return report({Errc::Failed, concat("internal error: ", e.what())}, std::cerr);
+    }
+}
+
 }  // namespace
 
 ExitCode report(const Error& error, std::ostream& err) {
-    err << "envbake: " << error.message << '\n';
+    err << "envbake: " << printable(error.message) << '\n';
     switch (error.code) {
         case Errc::Failed:
             break;
@@ -59,6 +77,7 @@ int main(int argc, char** argv) {
     CLI::App app{kDescription, "envbake"};
     app.footer(kFooter);
     app.require_subcommand(1);
+    app.set_version_flag("--version", concat("envbake ", tool_version()));
     std::map<const CLI::App*, RunCommand> commands;
     for (const Entry& entry : kCommands) {
         CLI::App* subcommand = app.add_subcommand(entry.name, entry.description);
@@ -74,6 +93,5 @@ int main(int argc, char** argv) {
         std::cerr << "envbake: " << error.what() << "; see envbake --help\n";
         return static_cast<int>(ExitCode::Usage);
     }
-    const RunCommand& run = commands.at(app.get_subcommands().front());
-    return static_cast<int>(run(std::cout, std::cerr));
+    return static_cast<int>(run_guarded(commands.at(app.get_subcommands().front())));
 }

@@ -38,7 +38,7 @@ Expected<void> print_new_plan(const PlanOptions& options, std::ostream& out) {
 }
 
 /// The plan that stands in an up-to-date bundle: no input is opened for it.
-Expected<void> print_stored_plan(const PlanOptions& options, std::ostream& out) {
+Expected<void> print_stored_plan(const PlanOptions& options, std::ostream& out) try {
     const auto reader = format::Reader::open(options.request.output.c_str());
     const Json metadata = reader ? parse_metadata(reader->metadata()) : Json();
     if (!metadata.is_object() || !metadata.contains("plan"))
@@ -52,6 +52,9 @@ Expected<void> print_stored_plan(const PlanOptions& options, std::ostream& out) 
         << " is up to date: nothing to bake. It was baked so:\n\n";
     print_stages(metadata["plan"], out);
     return {};
+} catch (const Json::exception&) {
+    return Error{Errc::InvalidBundle, concat(options.request.output.string(),
+                                             ": its plan is not as docs/format.md has it")};
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/commands/request_options.h"
 
-#include <map>
 #include <string>
 
 namespace envbake {
@@ -32,11 +31,14 @@ void declare_request(CLI::App& app, BakeRequest& request) {
         ->capture_default_str();
     app.add_option("--table-size", request.table_size, "Texels along each axis of the BRDF table")
         ->capture_default_str();
-    app.add_option("--table-axes", request.table_axes,
-                   "sqrt: sqrt(n.v), sqrt(r), end points stored; linear: n.v, r, texel centres")
-        ->transform(CLI::CheckedTransformer(std::map<std::string, runtime::TableAxes>{
-            {"sqrt", runtime::TableAxes::SqrtEndPoints},
-            {"linear", runtime::TableAxes::LinearCentres}}))
+    app.add_option_function<std::string>(
+           "--table-axes",
+           [&request](const std::string& name) {
+               request.table_axes = name == "sqrt" ? runtime::TableAxes::SqrtEndPoints
+                                                   : runtime::TableAxes::LinearCentres;
+           },
+           "sqrt: sqrt(n.v), sqrt(r), end points stored; linear: n.v, r, texel centres")
+        ->check(CLI::IsMember({"sqrt", "linear"}))
         ->default_str("sqrt");
     app.add_flag("--unshadowed", request.unshadowed,
                  "Also bake mesh/I/unshadowed: transport without occlusion, analytic");

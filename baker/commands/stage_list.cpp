@@ -2,6 +2,7 @@
 #include "baker/commands/stage_list.h"
 
 #include "baker/commands/numbered_names.h"
+#include "baker/core/text.h"
 
 #include <algorithm>
 #include <ostream>
@@ -19,9 +20,10 @@ struct Line {
 std::vector<Line> lines_of(const Json& stages) {
     std::vector<Line> lines;
     for (const Json& stage : stages) {
-        const Line line{stage.at("decision"),
-                        stage.at("reason"),
-                        {split_at_number(stage.at("output").get<std::string>())}};
+        const auto text = [&stage](const char* member) {
+            return printable(stage.at(member).get<std::string>());
+        };
+        const Line line{text("decision"), text("reason"), {split_at_number(text("output"))}};
         const auto same = std::find_if(lines.begin(), lines.end(), [&](const Line& other) {
             return other.decision == line.decision && other.reason == line.reason &&
                    line.outputs[0].number >= 0 && other.outputs[0].same_kind(line.outputs[0]);

@@ -34,14 +34,11 @@ std::string format_bytes(std::uint64_t bytes) {
     return text.data();
 }
 
-std::string quoted(std::string_view text) {
-    std::string out = "\"";
+std::string printable(std::string_view text) {
+    std::string out;
     for (const char c : text) {
         const auto byte = static_cast<unsigned char>(c);
-        if (c == '"' || c == '\\') {
-            out += '\\';
-            out += c;
-        } else if (byte < 0x20 || byte == 0x7f) {
+        if (byte < 0x20 || byte == 0x7f) {
             std::array<char, 8> escape{};
             std::snprintf(escape.data(), escape.size(), "\\x%02x", byte);
             out += escape.data();
@@ -49,7 +46,16 @@ std::string quoted(std::string_view text) {
             out += c;
         }
     }
-    return out + "\"";
+    return out;
+}
+
+std::string quoted(std::string_view text) {
+    std::string out(1, '"');
+    for (const char c : text) {
+        if (c == '"' || c == '\\') out += '\\';
+        out += c;
+    }
+    return printable(out) + '"';
 }
 
 }  // namespace envbake

@@ -13,6 +13,8 @@ std::string format_number(double value);
 std::string format_count(std::uint64_t count);
 /// "300 B", "1.6 kB", "4.3 MB": powers of ten.
 std::string format_bytes(std::uint64_t bytes);
+/// Control characters escaped as \\x1b: safe to print, and one line.
+std::string printable(std::string_view text);
 /// In double quotes, control characters escaped: safe to print.
 std::string quoted(std::string_view text);
 

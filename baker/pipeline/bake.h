@@ -31,14 +31,23 @@ struct BakeInputs {
 /// Reads the request's files and collects the facts the plan needs. No ray is cast.
 Expected<BakeInputs> load_inputs(const BakeRequest& request);
 
+/// Refuses an output that is one of the inputs, or exists and is no regular file.
+///
+/// Errors:  Usage
+Expected<void> check_output(const std::filesystem::path& output,
+                            const std::vector<std::filesystem::path>& inputs);
+
 /// Runs the plan and writes the bundle. Nothing stands under request.output until it is whole.
 ///
-/// Errors:  Failed  the output cannot be written, or a stage ran out of memory
-Expected<void> run_plan(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
-                        Progress& progress);
+///   return  what fell short of the tolerance, one line each
+///
+/// Errors:  Failed        the output cannot be written, or a stage ran out of memory
+///          InvalidInput  the environment is so bright that its lighting leaves the range of f32
+Expected<std::vector<std::string>> run_plan(const BakeRequest& request, const BakeInputs& inputs,
+                                            const BakePlan& plan, Progress& progress);
 
-/// True where request.output is a bundle that the same tool made from the same inputs and options.
-/// Reads headers and hashes files; opens no image and no scene.
+/// True where request.output is an undamaged bundle that the same tool made from the same inputs
+/// and options. Reads and hashes files; opens no image and no scene.
 bool is_up_to_date(const BakeRequest& request);
 
 }  // namespace envbake

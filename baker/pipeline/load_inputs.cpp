@@ -33,6 +33,10 @@ Expected<BakeInputs> load_inputs(const BakeRequest& request) {
     BakeInputs inputs;
     if (!request.environment.empty()) start_image_worker();
     if (!request.scene.empty()) {
+        const auto extension = request.scene.extension();
+        if (extension == ".hdr" || extension == ".exr")
+            return Error{Errc::Usage, concat(request.scene.string(),
+                                             ": is an image, not a scene; give it with --env")};
         ReadSceneOptions options;
         if (request.area_weighted_normals) options.computed_normals = NormalWeighting::Area;
         ENVBAKE_TRY(inputs.scene, read_scene(request.scene, options));

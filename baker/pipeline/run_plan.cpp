@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "baker/core/text.h"
 #include "baker/pipeline/bake.h"
 #include "baker/pipeline/encode_mip.h"
 #include "baker/pipeline/metadata.h"
@@ -8,6 +9,7 @@
 #include "envbake/runtime/half.h"
 
 #include <algorithm>
+#include <cmath>
 #include <new>
 #include <utility>
 
@@ -24,7 +26,8 @@ class Run {
         if (inputs.scene) report_.diffuse.resize(inputs.scene->meshes.size());
     }
 
-    Expected<void> execute(const BakePlan& plan) {
+    /// Returns what fell short of the tolerance.
+    Expected<std::vector<std::string>> execute(const BakePlan& plan) {
         choose_self_test_vertices(plan);
         bool transport_announced = false;
         for (const PlannedStage& stage : plan.stages) {
@@ -37,13 +40,35 @@ class Run {
         }
         ENVBAKE_TRY_VOID(write_self_test());
         const std::string metadata = to_text(metadata_json(request_, inputs_, plan, report_), 1);
-        return add<std::uint8_t>(
+        ENVBAKE_TRY_VOID(add<std::uint8_t>(
             std::string(format::kMetadataName), {metadata.size()},
             {reinterpret_cast<const std::uint8_t*>(metadata.data()), metadata.size()},
-            format::Codec::None);
+            format::Codec::None));
+        return shortfalls();
     }
 
   private:
+    /// Arrays whose error in a relative norm is above the tolerance that was asked for. The table
+    /// is not among them: its size is an option of its own.
+    std::vector<std::string> shortfalls() const {
+        std::vector<std::string> lines;
+        for (const auto& [name, error] : report_.array_errors)
+            if (name.rfind("brdf/", 0) != 0 && error.value > request_.tolerance)
+                lines.push_back(concat(name, ": error ", format_number(error.value), ", ",
+                                       format_number(request_.tolerance), " was asked for"));
+        return lines;
+    }
+
+    Expected<void> require_finite(std::span<const float> values) const {
+        for (const float value : values)
+            if (!std::isfinite(value))
+                return Error{Errc::InvalidInput,
+                             concat(inputs_.environment->file_name,
+                                    ": too bright: its lighting leaves the range of 32-bit floats; "
+                                    "scale the image down")};
+        return {};
+    }
+
     Error output_error(const format::Error& e) const {
         return {Errc::Failed, concat(request_.output.string(), ": ", format::to_string(e))};
     }
@@ -66,6 +91,7 @@ class Run {
         for (const DVec3& coeff : lighting.coeffs)
             for (int c = 0; c < 3; ++c) stored_.sh.push_back(static_cast<float>(coeff[c]));
         stored_.bands = lighting.bands;
+        ENVBAKE_TRY_VOID(require_finite(stored_.sh));
         report_.array_errors[output] = {0x1p-24, "rounding to f32, relative to each coefficient"};
         return add<float>(output, {lighting.coeffs.size(), 3}, stored_.sh, format::Codec::None);
     }
@@ -192,6 +218,9 @@ class Run {
 
     Expected<void> write_self_test() {
         const SelfTest test = make_self_test(stored_);
+        for (const auto* values :
+             {&test.irradiance_value, &test.diffuse_value, &test.specular_value})
+            ENVBAKE_TRY_VOID(require_finite(*values));
         report_.self_test_tolerance = SelfTest::kTolerance;
         const auto add_rows = [&](const char* name, std::uint64_t columns,
                                   const auto& values) -> Expected<void> {
@@ -218,17 +247,31 @@ class Run {
 
 }  // namespace
 
-Expected<void> run_plan(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
-                        Progress& progress) try {
+Expected<void> check_output(const std::filesystem::path& output,
+                            const std::vector<std::filesystem::path>& inputs) {
+    std::error_code failed;
+    const auto kind = std::filesystem::status(output, failed).type();
+    if (kind == std::filesystem::file_type::not_found || failed) return {};
+    if (kind != std::filesystem::file_type::regular)
+        return Error{Errc::Usage, concat(output.string(), ": is no regular file to write to")};
+    for (const auto& input : inputs)
+        if (!input.empty() && std::filesystem::equivalent(output, input, failed))
+            return Error{Errc::Usage,
+                         concat(output.string(), ": is an input; name another output")};
+    return {};
+}
+
+Expected<std::vector<std::string>> run_plan(const BakeRequest& request, const BakeInputs& inputs,
+                                            const BakePlan& plan, Progress& progress) try {
     auto writer = format::Writer::create(request.output.string());
     if (!writer)
         return Error{Errc::Failed,
                      concat(request.output.string(), ": ", format::to_string(writer.error()))};
-    ENVBAKE_TRY_VOID(Run(request, inputs, *writer, progress).execute(plan));
+    ENVBAKE_TRY(auto shortfalls, Run(request, inputs, *writer, progress).execute(plan));
     if (auto finished = writer->finish(); !finished)
         return Error{Errc::Failed,
                      concat(request.output.string(), ": ", format::to_string(finished.error()))};
-    return {};
+    return shortfalls;
 } catch (const std::bad_alloc&) {
     return Error{Errc::Failed, "out of memory: bake a smaller scene, or fewer meshes at once"};
 }

@@ -8,12 +8,17 @@ namespace envbake {
 
 namespace {
 
+/// Bundles hold names as UTF-8 (to_text), whatever bytes the file system has.
+bool same_name(const std::filesystem::path& file, const std::string& name) {
+    return Json::parse(to_text(file.filename().string(), -1)) == name;
+}
+
 /// Where an input that a bundle names would be found for this request; empty where it has no place.
 std::filesystem::path path_of(const BakeRequest& request, const std::string& role,
                               const std::string& name) {
-    if (role == "scene") return request.scene.filename() == name ? request.scene : "";
+    if (role == "scene") return same_name(request.scene, name) ? request.scene : "";
     if (role == "environment")
-        return request.environment.filename() == name ? request.environment : "";
+        return same_name(request.environment, name) ? request.environment : "";
     if (role == "resource") return request.scene.parent_path() / name;
     return "";
 }
@@ -42,6 +47,8 @@ bool inputs_unchanged(const BakeRequest& request, const Json& inputs) {
 bool is_up_to_date(const BakeRequest& request) {
     const auto reader = format::Reader::open(request.output.c_str());
     if (!reader) return false;
+    for (std::size_t i = 0; i < reader->array_count(); ++i)
+        if (!reader->verify(reader->array(i))) return false;  // damaged: bake it again
     const Json metadata = parse_metadata(reader->metadata());
     try {
         return metadata.at("tool").at("version") == tool_version() &&

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <map>
 #include <utility>
 
@@ -28,6 +29,15 @@ std::string folder_of(const std::string& path) {
     const auto slash = path.find_last_of('/');
     if (slash == std::string::npos) return ".";
     return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+/// The file a link points at: what is replaced is the file, not the link.
+std::string resolved(const std::string& path) {
+    char* real = ::realpath(path.c_str(), nullptr);
+    if (real == nullptr) return path;
+    std::string target = real;
+    std::free(real);
+    return target;
 }
 
 std::string temporary_name(const std::string& path) {
@@ -179,12 +189,12 @@ Writer::~Writer() = default;
 
 Expected<Writer> Writer::create(const std::string& path) {
     auto state = std::make_unique<State>();
-    state->path = path;
+    state->path = resolved(path);
 #ifdef O_TMPFILE
-    state->file = ::open(folder_of(path).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
+    state->file = ::open(folder_of(state->path).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
 #endif
     if (state->file < 0) {
-        const std::string name = temporary_name(path);
+        const std::string name = temporary_name(state->path);
         state->file = ::open(name.c_str(), O_CREAT | O_TRUNC | O_RDWR | O_CLOEXEC, 0666);
         if (state->file < 0) return Error::from_errno(Errc::CannotOpen);
         state->temporary = name;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include <chrono>
+#include <cstdlib>
 #include <set>
 #include <thread>
 
@@ -185,6 +186,72 @@ TEST_F(Commands, AKilledBakeLeavesTheOldFileAndNothingElse) {
     EXPECT_GT(killed, 0) << "every bake was faster than its killer";
 }
 
+TEST_F(Commands, AnOutputIsNeverAnInputOrADevice) {
+    const std::vector<std::string> inputs{scene_, sky_, (folder_ / "scene.bin").string()};
+    for (const std::string& input : inputs) {
+        const std::string before = read_file(input);
+        auto arguments = bake_arguments();
+        arguments[5] = input;
+        const Outcome outcome = envbake(arguments);
+        EXPECT_EQ(outcome.status, 2) << outcome.err;
+        EXPECT_EQ(outcome.err_lines(), 1) << outcome.err;
+        EXPECT_TRUE(read_file(input) == before) << input;
+    }
+    auto arguments = bake_arguments();
+    arguments[5] = "/dev/null";
+    EXPECT_EQ(envbake(arguments).status, 2);
+    EXPECT_TRUE(fs::is_character_file("/dev/null"));
+    arguments[5] = folder_.path().string();
+    EXPECT_EQ(envbake(arguments).status, 2);
+}
+
+TEST_F(Commands, ALinkedOutputReplacesTheFileBehindTheLink) {
+    fs::create_directory(folder_ / "elsewhere");
+    const fs::path target = folder_ / "elsewhere" / "real.envb";
+    write_file(target, "old");
+    fs::create_symlink(target, bundle_);
+    bake();
+    EXPECT_TRUE(fs::is_symlink(bundle_));
+    EXPECT_EQ(envbake({"validate", target.string()}).status, 0);
+}
+
+TEST_F(Commands, ADamagedBundleIsNotUpToDate) {
+    bake();
+    const std::string good = read_file(bundle_);
+    std::string damaged = good;
+    damaged[100] = static_cast<char>(damaged[100] ^ 1);
+    write_file(bundle_, damaged);
+    bake();
+    EXPECT_TRUE(read_file(bundle_) == good);
+}
+
+TEST_F(Commands, LightBeyondTheRangeOfFloatsIsRefused) {
+    std::string picture = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 4\n";
+    for (int i = 0; i < 4; ++i) picture += "\xff\xff\xff\xff";
+    write_file(sky_, picture);
+    const Outcome outcome = envbake(bake_arguments());
+    EXPECT_EQ(outcome.status, 3);
+    EXPECT_EQ(outcome.err_lines(), 1) << outcome.err;
+    EXPECT_FALSE(fs::exists(bundle_));
+}
+
+TEST_F(Commands, AnImageInPlaceOfAScenePointsToTheOption) {
+    const Outcome outcome = envbake({"bake", sky_, "-o", bundle_});
+    EXPECT_EQ(outcome.status, 2);
+    EXPECT_NE(outcome.err.find("--env"), std::string::npos) << outcome.err;
+}
+
+TEST_F(Commands, OutputThatGoesNowhereIsAFailure) {
+    bake();
+    const auto shell = [&](const std::string& redirection) {
+        return std::system(("'" + fs::read_symlink("/proc/self/exe").parent_path().string() +
+                            "/envbake' dump '" + bundle_ + "' " + redirection)
+                               .c_str());
+    };
+    EXPECT_EQ(shell("> /dev/null"), 0);
+    EXPECT_NE(shell("> /dev/full 2> /dev/null"), 0);
+}
+
 TEST_F(Commands, FileNamesMayBeNoUtf8) {
     const std::string odd = (folder_ / "sky\xff.hdr").string();
     fs::rename(sky_, odd);
@@ -192,6 +259,7 @@ TEST_F(Commands, FileNamesMayBeNoUtf8) {
     bake();
     EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
     EXPECT_EQ(dump()["metadata"]["inputs"][2]["name"], "sky\xef\xbf\xbd.hdr");
+    EXPECT_NE(envbake(bake_arguments()).err.find("up to date"), std::string::npos);
 }
 
 TEST_F(Commands, AFolderThatCannotBeWrittenToIsOne) {

@@ -33,6 +33,7 @@ TEST(Text, BytesStepByThousands) {
 
 TEST(Text, QuotesHideNothing) {
     EXPECT_EQ(quoted("a\"b\\c\n\x1b[2J"), "\"a\\\"b\\\\c\\x0a\\x1b[2J\"");
+    EXPECT_EQ(printable("two\nlines\x7f"), "two\\x0alines\\x7f");
     EXPECT_EQ(quoted("géométrie ♥"), "\"géométrie ♥\"");
 }
 
