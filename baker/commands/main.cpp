@@ -7,6 +7,7 @@
 #include <iostream>
 #include <map>
 #include <new>
+#include <string>
 
 namespace envbake {
 
@@ -90,8 +91,10 @@ int main(int argc, char** argv) {
             app.exit(error);  // --help
             return static_cast<int>(ExitCode::Done);
         }
-        std::cerr << "envbake: " << error.what() << "; see envbake --help\n";
-        return static_cast<int>(ExitCode::Usage);
+        const bool unknown = app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-';
+        const std::string what =
+            unknown ? concat("there is no command ", quoted(argv[1])) : error.what();
+        return static_cast<int>(report({Errc::Usage, what + "; see envbake --help"}, std::cerr));
     }
     return static_cast<int>(run_guarded(commands.at(app.get_subcommands().front())));
 }
