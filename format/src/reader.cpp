@@ -72,7 +72,7 @@ Errc judge_entry(const std::byte* entry, const ArrayInfo& info,
 }  // namespace
 
 Expected<Reader> Reader::open(const char* path) noexcept {
-    const int file = ::open(path, O_RDONLY | O_CLOEXEC);
+    const int file = ::open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (file < 0) return Error::from_errno(Errc::CannotOpen);
     struct stat status {};
     if (::fstat(file, &status) != 0 || !S_ISREG(status.st_mode)) {
