@@ -142,6 +142,7 @@ format::Expected<FloatView> Bundle::place(const ArrayInfo& info, Arena& arena) c
     FloatView view{reader_.stored_bytes(info).data(), info.element_count(),
                    info.type == ElementType::F16};
     if (info.codec != format::Codec::None) {
+        if (!reader_.size_is_plausible(info)) return error_in(Errc::ArrayDecode, info);
         std::byte* piece = arena.take(info.size);
         view.data = piece;
         if (arena.has_memory()) {
