@@ -98,6 +98,40 @@ bool is_deep(const Imf::Header& header) {
            (header.type() == Imf::DEEPSCANLINE || header.type() == Imf::DEEPTILE);
 }
 
+/// Walks over the attributes of every header: none may claim more bytes than the file has left.
+/// OpenEXR 3.1 sets memory aside for what an attribute claims before it reads it. All other faults
+/// are left for it to find.
+void check_attributes(Bytes file) {
+    constexpr std::size_t kMagicAndVersion = 8, kSize = 4;
+    constexpr unsigned char kMultiPart = 0x10;  // bit 12 of the version field
+    if (file.size() < kMagicAndVersion) return;
+    const bool multi_part = (static_cast<unsigned char>(file[5]) & kMultiPart) != 0;
+    std::size_t at = kMagicAndVersion;
+    const auto end_of_text = [&](std::size_t from) {
+        while (from < file.size() && static_cast<unsigned char>(file[from]) != 0) ++from;
+        return from;
+    };
+    for (bool header_began = false; at < file.size();) {
+        const std::size_t name_end = end_of_text(at);
+        if (name_end == at) {  // the end of a header; of the last one, or an empty one
+            if (!multi_part || !header_began) return;
+            header_began = false;
+            ++at;
+            continue;
+        }
+        header_began = true;
+        const std::size_t type_end = end_of_text(name_end + 1);
+        if (type_end + 1 + kSize > file.size()) return;
+        std::int32_t size = 0;
+        std::memcpy(&size, file.data() + type_end + 1, kSize);
+        at = type_end + 1 + kSize;
+        if (size < 0 || static_cast<std::size_t>(size) > file.size() - at)
+            throw Refusal("an attribute claims " + std::to_string(size) + " bytes, the file has " +
+                          std::to_string(file.size() - at) + " left");
+        at += static_cast<std::size_t>(size);
+    }
+}
+
 /// Every chunk of the file costs at least an entry of the offset table, its own header and a byte.
 void check_chunks(const Imf::Header& header, std::int64_t width, std::int64_t height,
                   std::size_t file_size) {
@@ -122,6 +156,7 @@ void check_chunks(const Imf::Header& header, std::int64_t width, std::int64_t he
 void decode_exr(Bytes file, int threads, Reply& reply, const AllocatePixels& allocate) {
     Imf::Header::setMaxImageSize(kMaxEdge, kMaxEdge);
     Imf::Header::setMaxTileSize(kMaxEdge, kMaxEdge);
+    check_attributes(file);
     MemoryIn stream(file);
     constexpr bool kRebuildOffsets = false;  // an unfinished file is refused, not guessed at
     Imf::MultiPartInputFile input(stream, std::max(threads, 1), kRebuildOffsets);

@@ -179,6 +179,24 @@ TEST(ImageWorker, UnreadableImagesAreOneLine) {
     EXPECT_TRUE(decode_image(as_bytes(good), "texture"));
 }
 
+/// OpenEXR 3.1 would set the memory aside first and find the end of the file later.
+TEST(ImageWorker, AnAttributeLargerThanItsFileIsRefusedBeforeItIsRead) {
+    const test::TemporaryFolder folder;
+    ASSERT_TRUE(write_exr(folder / "a.exr", 4, 4, numbered_rgb(4, 4)));
+    std::string bytes = test::read_file(folder / "a.exr");
+    const std::string attribute("channels\0chlist\0", 16);
+    const std::size_t size_at = bytes.find(attribute) + attribute.size();
+    for (const char* size : {"\xff\xff\xff\x7f", "\xff\xff\xff\xff"}) {
+        bytes.replace(size_at, 4, size, 4);
+        test::write_file(folder / "b.exr", bytes);
+        const auto image = decode_float_image(folder / "b.exr");
+        ASSERT_FALSE(image);
+        EXPECT_EQ(image.error().code, Errc::InvalidInput);
+        EXPECT_NE(image.error().message.find("an attribute claims"), std::string::npos)
+            << image.error();
+    }
+}
+
 TEST(ImageWorker, FilesThatCannotBeOpenedFail) {
     const test::TemporaryFolder folder;
     for (const fs::path& path : {folder / "absent.exr", folder.path()}) {
