@@ -5,6 +5,7 @@
 #include "baker/commands/request_options.h"
 #include "baker/core/parallel.h"
 #include "baker/core/text.h"
+#include "baker/core/write_file.h"
 
 #include <filesystem>
 #include <memory>

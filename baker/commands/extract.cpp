@@ -83,6 +83,7 @@ Expected<void> write_image(const ExtractOptions& options, const format::Reader& 
 }
 
 Expected<void> extract(const ExtractOptions& options) {
+    ENVBAKE_TRY_VOID(check_output(options.output, {options.bundle}));
     ENVBAKE_TRY(const format::Reader reader, open_bundle(options.bundle));
     const auto info = reader.find(options.name);
     if (!info)

@@ -3,6 +3,7 @@
 #include "baker/commands/progress_printer.h"
 #include "baker/core/parallel.h"
 #include "baker/core/text.h"
+#include "baker/core/write_file.h"
 #include "baker/input/image_worker.h"
 #include "baker/input/read_environment.h"
 #include "baker/input/read_scene.h"
@@ -83,19 +84,9 @@ std::vector<fs::path> outputs_of(const RenderOptions& options) {
             beside(options.output, "difference")};
 }
 
-/// Refuses to write over an input, under whatever name, or over what is no file.
-Expected<void> require_writable(const std::vector<fs::path>& outputs,
-                                const std::vector<fs::path>& inputs) {
-    for (const fs::path& output : outputs) {
-        std::error_code ignored;  // of a file that does not exist
-        const fs::file_status status = fs::status(output, ignored);
-        if (fs::exists(status) && !fs::is_regular_file(status))
-            return Error{Errc::Usage, concat(output.string(), ": not a regular file")};
-        for (const fs::path& input : inputs)
-            if (fs::equivalent(output, input, ignored))
-                return Error{Errc::Usage, concat(output.string(), ": would overwrite the input ",
-                                                 input.string())};
-    }
+Expected<void> check_outputs(const RenderOptions& options, const std::vector<fs::path>& inputs) {
+    for (const fs::path& output : outputs_of(options))
+        ENVBAKE_TRY_VOID(check_output(output, inputs));
     return {};
 }
 
@@ -129,8 +120,7 @@ Expected<void> check_options(const RenderOptions& options) {
     ENVBAKE_TRY_VOID(require_point("--look-at", options.look_at));
     ENVBAKE_TRY_VOID(require_in_range("--fov", options.fov_deg, kMinFov, kMaxFov));
     ENVBAKE_TRY_VOID(require_in_range("--exposure", options.exposure, -kMaxStops, kMaxStops));
-    return require_writable(outputs_of(options),
-                            {options.bundle, options.scene, options.environment});
+    return check_outputs(options, {options.bundle, options.scene, options.environment});
 }
 
 /// An input file as the metadata of a bundle lists it.
@@ -244,7 +234,7 @@ Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostr
         ENVBAKE_TRY_VOID(
             require_same_input(options.bundle, inputs, "environment", options.environment));
     ENVBAKE_TRY(const Scene scene, read_scene(options.scene));
-    ENVBAKE_TRY_VOID(require_writable(outputs_of(options), scene.files_read));
+    ENVBAKE_TRY_VOID(check_outputs(options, scene.files_read));
     ENVBAKE_TRY_VOID(require_same_resources(options, inputs, scene));
     std::optional<Environment> environment;
     if (options.reference) {

@@ -9,6 +9,19 @@
 
 namespace envbake {
 
+Expected<void> check_output(const std::filesystem::path& output,
+                            const std::vector<std::filesystem::path>& inputs) {
+    std::error_code ignored;  // of a file that does not exist
+    const auto status = std::filesystem::status(output, ignored);
+    if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+        return Error{Errc::Usage, concat(output.string(), ": not a regular file")};
+    for (const auto& input : inputs)
+        if (!input.empty() && std::filesystem::equivalent(output, input, ignored))
+            return Error{Errc::Usage,
+                         concat(output.string(), ": would overwrite the input ", input.string())};
+    return {};
+}
+
 Expected<void> write_file(const std::filesystem::path& file, std::string_view content) {
     std::filesystem::path temporary = file;
     temporary += concat(".", ::getpid(), ".tmp");

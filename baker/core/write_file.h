@@ -5,8 +5,16 @@
 
 #include <filesystem>
 #include <string_view>
+#include <vector>
 
 namespace envbake {
+
+/// Refuses an output that is one of the inputs, under whatever name, or that exists and is no
+/// regular file. Empty paths among the inputs are passed over.
+///
+/// Errors:  Usage
+Expected<void> check_output(const std::filesystem::path& output,
+                            const std::vector<std::filesystem::path>& inputs);
 
 /// Writes a file whole or not at all: to a temporary name beside it, then renamed.
 ///

@@ -31,12 +31,6 @@ struct BakeInputs {
 /// Reads the request's files and collects the facts the plan needs. No ray is cast.
 Expected<BakeInputs> load_inputs(const BakeRequest& request);
 
-/// Refuses an output that is one of the inputs, or exists and is no regular file.
-///
-/// Errors:  Usage
-Expected<void> check_output(const std::filesystem::path& output,
-                            const std::vector<std::filesystem::path>& inputs);
-
 /// Runs the plan and writes the bundle. Nothing stands under request.output until it is whole.
 ///
 ///   return  what fell short of the tolerance, one line each

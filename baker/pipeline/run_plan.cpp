@@ -247,20 +247,6 @@ class Run {
 
 }  // namespace
 
-Expected<void> check_output(const std::filesystem::path& output,
-                            const std::vector<std::filesystem::path>& inputs) {
-    std::error_code failed;
-    const auto kind = std::filesystem::status(output, failed).type();
-    if (kind == std::filesystem::file_type::not_found || failed) return {};
-    if (kind != std::filesystem::file_type::regular)
-        return Error{Errc::Usage, concat(output.string(), ": is no regular file to write to")};
-    for (const auto& input : inputs)
-        if (!input.empty() && std::filesystem::equivalent(output, input, failed))
-            return Error{Errc::Usage,
-                         concat(output.string(), ": is an input; name another output")};
-    return {};
-}
-
 Expected<std::vector<std::string>> run_plan(const BakeRequest& request, const BakeInputs& inputs,
                                             const BakePlan& plan, Progress& progress) try {
     auto writer = format::Writer::create(request.output.string());

@@ -348,6 +348,15 @@ TEST_F(Commands, ExtractWritesEveryKind) {
     EXPECT_EQ(extract("environment/sh", "sh.txt").status, 2);
 }
 
+TEST_F(Commands, ExtractDoesNotReplaceItsBundle) {
+    bake();
+    const std::string json_named = (folder_ / "bundle.json").string();
+    fs::rename(bundle_, json_named);
+    const std::string before = read_file(json_named);
+    EXPECT_EQ(envbake({"extract", json_named, "metadata", "-o", json_named}).status, 2);
+    EXPECT_TRUE(read_file(json_named) == before);
+}
+
 TEST_F(Commands, AnExtractedMipIsAnEnvironmentAgain) {
     bake();
     const std::string mip = (folder_ / "mip.exr").string(),
