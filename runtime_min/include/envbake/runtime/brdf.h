@@ -66,6 +66,12 @@ Real schlick(Real r0, Real v_dot_h) {
     return r0 + (1 - r0) * schlick_weight(v_dot_h);
 }
 
+/// Distribution of microfacet normals. Both come with height-correlated Smith masking.
+enum class Distribution {
+    Ggx,       ///< [Walter07] eq. 33, after Trowbridge and Reitz. Metadata: "ggx"
+    Beckmann,  ///< [Walter07] eq. 25. Metadata: "beckmann"
+};
+
 /// How the texels of a BRDF table lie over (n.v, perceptual roughness r).
 enum class TableAxes {
     SqrtEndPoints,  ///< coordinates sqrt(n.v), sqrt(r); texel i at i / (size - 1). Metadata: "sqrt"
