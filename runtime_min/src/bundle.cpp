@@ -23,7 +23,7 @@ namespace {
 
 constexpr std::uint64_t kAlignment = 64;
 constexpr std::uint64_t kMaxMeshes = 1u << 24;
-constexpr std::uint64_t kMaxFaceSize = 1u << 15;
+constexpr std::uint64_t kMaxMipWidth = 1u << 15;
 constexpr std::uint64_t kMaxTableSize = 1u << 12;
 
 /// "mesh/12/diffuse", on the stack.
@@ -58,7 +58,21 @@ Error error_in(Errc code, const ArrayInfo& info) {
     return Error::at(code, info.offset, info.name);
 }
 
+/// Both lobes have the same mirror: a bundle of both stores it once, with GGX.
+void share_mirror(const MipsView& ggx, MipsView& beckmann) {
+    if (beckmann.first == 1 && ggx.level_count == beckmann.level_count && ggx.first == 0 &&
+        ggx.layout == beckmann.layout) {
+        beckmann.first = 0;
+        beckmann.levels[0] = ggx.levels[0];
+    }
+}
+
 }  // namespace
+
+/// The arrays and metadata fields of one distribution.
+struct Bundle::LobeNames {
+    std::string_view mip, mip_count, mip_levels, table, axes, average_albedo;
+};
 
 /// Hands out pieces of the one block. Without memory it only adds up what will be needed: the same
 /// code runs twice.
@@ -124,9 +138,21 @@ format::Expected<Bundle> Bundle::load(format::Expected<format::Reader> reader) n
 }
 
 format::Expected<void> Bundle::resolve(Arena& arena) noexcept {
+    constexpr LobeNames kGgx{"environment/mips/",       "environment/mips/count",
+                             "environment/mips/levels", "brdf/ggx",
+                             "brdf/ggx/axes",           "brdf/ggx_average_albedo"};
+    constexpr LobeNames kBeckmann{"environment/mips_beckmann/",
+                                  "environment/mips_beckmann/count",
+                                  "environment/mips_beckmann/levels",
+                                  "brdf/beckmann",
+                                  "brdf/beckmann/axes",
+                                  "brdf/beckmann_average_albedo"};
     ENVBAKE_TRY_VOID(resolve_lighting(arena));
-    ENVBAKE_TRY_VOID(resolve_mips(arena));
-    ENVBAKE_TRY_VOID(resolve_brdf(arena));
+    ENVBAKE_TRY_VOID(resolve_mips(kGgx, ggx_.mips, arena));
+    ENVBAKE_TRY_VOID(resolve_mips(kBeckmann, beckmann_.mips, arena));
+    share_mirror(ggx_.mips, beckmann_.mips);
+    ENVBAKE_TRY_VOID(resolve_brdf(kGgx, ggx_.brdf, arena));
+    ENVBAKE_TRY_VOID(resolve_brdf(kBeckmann, beckmann_.brdf, arena));
     return resolve_meshes(arena);
 }
 
@@ -156,51 +182,73 @@ format::Expected<void> Bundle::resolve_lighting(Arena& arena) noexcept {
     const std::optional<ArrayInfo> info = reader_.find("environment/sh");
     if (!info) return {};
     if (info->type != ElementType::F32) return error_in(Errc::ArrayType, *info);
-    lighting_.bands = bands_of(info->shape[0]);
-    if (info->rank != 2 || lighting_.bands == 0 || info->shape[1] != 3) {
+    const std::uint64_t coeffs = info->shape[0];
+    lighting_.bands = bands_of(coeffs);
+    const bool grey = info->shape[1] == 1;
+    if (info->rank != 2 || lighting_.bands == 0 || (info->shape[1] != 3 && !grey)) {
         return error_in(Errc::ArrayShape, *info);
     }
     ENVBAKE_TRY(const FloatView view, place(*info, arena));
-    lighting_.coeffs = {static_cast<const float*>(view.data), static_cast<std::size_t>(view.count)};
+    const float* values = static_cast<const float*>(view.data);
+    if (grey) {
+        float* rgb = reinterpret_cast<float*>(arena.take(3 * coeffs * sizeof(float)));
+        for (std::uint64_t i = 0; rgb != nullptr && i < 3 * coeffs; ++i) rgb[i] = values[i / 3];
+        values = rgb;
+    }
+    lighting_.coeffs = {values, values != nullptr ? static_cast<std::size_t>(3 * coeffs) : 0};
     return {};
 }
 
-format::Expected<void> Bundle::resolve_mips(Arena& arena) noexcept {
+Distribution Bundle::distribution() const noexcept {
+    const bool has_ggx = ggx_.mips.level_count > 0 || ggx_.brdf.rows > 0;
+    const bool has_beckmann = beckmann_.mips.level_count > 0 || beckmann_.brdf.rows > 0;
+    return has_beckmann && !has_ggx ? Distribution::Beckmann : Distribution::Ggx;
+}
+
+format::Expected<void> Bundle::resolve_mips(const LobeNames& names, MipsView& mips,
+                                            Arena& arena) noexcept {
     bool any = false;
     for (int k = 0; k < kMaxMipLevels; ++k) {
-        const Name name("environment/mips/", static_cast<std::uint64_t>(k));
+        const Name name(names.mip, static_cast<std::uint64_t>(k));
         const std::optional<ArrayInfo> info = reader_.find(name);
         if (!info) continue;
-        if (info->rank != 4 || info->shape[0] != 6 || info->shape[1] < 1 ||
-            info->shape[1] > kMaxFaceSize || info->shape[2] != info->shape[1] ||
-            info->shape[3] != 3) {
+        const bool cube = info->rank == 4;
+        const MipLayout layout = cube ? MipLayout::CubeFaces : MipLayout::LatLong;
+        const std::uint64_t* size = info->shape.data() + (cube ? 1 : 0);  // height, width, channels
+        const bool square = cube && info->shape[0] == 6 && size[1] == size[0];
+        const bool image = info->rank == 3 && size[0] % 2 == 0 && size[1] == 2 * size[0];
+        if (!(square || image) || size[0] < 1 || size[1] > kMaxMipWidth ||
+            (size[2] != 3 && size[2] != 1) || (any && layout != mips.layout)) {
             return error_in(Errc::ArrayShape, *info);
         }
-        if (!any) mips_.first = k;
-        if (any && mips_.last != k - 1) {
+        if (!any) mips.first = k;
+        if (any && mips.last != k - 1) {
             return Error::at(Errc::ArrayMissing, 0,
-                             Name("environment/mips/", static_cast<std::uint64_t>(k - 1)));
+                             Name(names.mip, static_cast<std::uint64_t>(k - 1)));
         }
         any = true;
-        mips_.last = k;
-        MipLevel& level = mips_.levels[static_cast<std::size_t>(k)];
-        level.face_size = static_cast<int>(info->shape[1]);
+        mips.last = k;
+        mips.layout = layout;
+        MipLevel& level = mips.levels[static_cast<std::size_t>(k)];
+        level.height = static_cast<int>(size[0]);
+        level.width = static_cast<int>(size[1]);
+        level.channels = static_cast<int>(size[2]);
         ENVBAKE_TRY(level.texels, place(*info, arena));
     }
     if (!any) return {};
 
     const JsonCursor metadata(reader_.metadata());
-    const std::optional<JsonCursor> count_field = metadata.find("environment/mips/count");
+    const std::optional<JsonCursor> count_field = metadata.find(names.mip_count);
     const std::optional<std::uint64_t> count =
         count_field ? count_field->integer() : std::optional<std::uint64_t>{};
-    if (!count || *count > kMaxMipLevels || *count <= static_cast<std::uint64_t>(mips_.last)) {
+    if (!count || *count > kMaxMipLevels || *count <= static_cast<std::uint64_t>(mips.last)) {
         return metadata_error();
     }
-    mips_.level_count = static_cast<int>(*count);
+    mips.level_count = static_cast<int>(*count);
 
     // The roughness of a level follows from its number; a bundle that says otherwise is not ours
     // to interpret.
-    const std::optional<JsonCursor> levels = metadata.find("environment/mips/levels");
+    const std::optional<JsonCursor> levels = metadata.find(names.mip_levels);
     const bool agrees = levels && levels->for_each_element([&](const JsonCursor& entry) {
         const std::optional<JsonCursor> level_field = entry.find("level");
         const std::optional<JsonCursor> roughness_field = entry.find("roughness");
@@ -216,27 +264,34 @@ format::Expected<void> Bundle::resolve_mips(Arena& arena) noexcept {
     return {};
 }
 
-format::Expected<void> Bundle::resolve_brdf(Arena& arena) noexcept {
-    const std::optional<ArrayInfo> info = reader_.find("brdf/ggx");
+format::Expected<void> Bundle::resolve_brdf(const LobeNames& names, BrdfTableView& brdf,
+                                            Arena& arena) noexcept {
+    const std::optional<ArrayInfo> info = reader_.find(names.table);
     if (!info) return {};
     const bool in_range = info->shape[0] >= 2 && info->shape[0] <= kMaxTableSize &&
                           info->shape[1] >= 2 && info->shape[1] <= kMaxTableSize;
     if (info->rank != 3 || !in_range || info->shape[2] != 2) {
         return error_in(Errc::ArrayShape, *info);
     }
-    const std::optional<JsonCursor> field = JsonCursor(reader_.metadata()).find("brdf/ggx/axes");
+    const std::optional<JsonCursor> field = JsonCursor(reader_.metadata()).find(names.axes);
     const std::optional<std::string_view> axes =
         field ? field->string() : std::optional<std::string_view>{};
     if (axes == "sqrt") {
-        brdf_.axes = TableAxes::SqrtEndPoints;
+        brdf.axes = TableAxes::SqrtEndPoints;
     } else if (axes == "linear") {
-        brdf_.axes = TableAxes::LinearCentres;
+        brdf.axes = TableAxes::LinearCentres;
     } else {
         return metadata_error();
     }
-    brdf_.rows = static_cast<int>(info->shape[0]);
-    brdf_.columns = static_cast<int>(info->shape[1]);
-    ENVBAKE_TRY(brdf_.texels, place(*info, arena));
+    brdf.rows = static_cast<int>(info->shape[0]);
+    brdf.columns = static_cast<int>(info->shape[1]);
+    ENVBAKE_TRY(brdf.texels, place(*info, arena));
+    if (const std::optional<ArrayInfo> average = reader_.find(names.average_albedo)) {
+        if (average->rank != 1 || average->shape[0] != info->shape[0]) {
+            return error_in(Errc::ArrayShape, *average);
+        }
+        ENVBAKE_TRY(brdf.average_albedo, place(*average, arena));
+    }
     return {};
 }
 

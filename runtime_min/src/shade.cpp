@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "envbake/runtime/shade.h"
 
-#include "envbake/runtime/cube.h"
 #include "envbake/runtime/sh.h"
 
 #include <algorithm>
@@ -18,82 +17,6 @@ constexpr std::size_t kMaxCoeffs = static_cast<std::size_t>(sh::coeff_count(sh::
 float clamp(float x, float low, float high) {
     return x > low ? (x < high ? x : high) : low;
 }
-
-/// In this form a constant stays exactly what it is.
-Rgb mix(const Rgb& a, const Rgb& b, float t) {
-    return {a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t};
-}
-
-struct Texel {
-    cube::Face face;
-    int row, column;
-};
-
-/// The texel of the adjoining face for one that is a single step outside across one edge. The
-/// outside half texel is folded over the edge: its centre ends up on the adjoining face, at the
-/// same place along the edge.
-Texel fold(const Texel& outside, int size) {
-    const float scale = 1 / static_cast<float>(size);
-    const float u = static_cast<float>(2 * outside.column + 1 - size) * scale;
-    const float v = static_cast<float>(2 * outside.row + 1 - size) * scale;
-    // Moving along u or v changes one component of the point, the distance from the centre another.
-    const auto centre = cube::point(outside.face, 0.0f, 0.0f);
-    auto folded = cube::point(outside.face, clamp(u, -1, 1), clamp(v, -1, 1));
-    for (std::size_t axis = 0; axis < 3; ++axis) folded[axis] -= centre[axis] * scale;
-    const auto p = cube::project(folded);
-    const auto to_index = [&](float t) {
-        const int index = static_cast<int>((t + 1) / 2 * static_cast<float>(size));
-        return std::clamp(index, 0, size - 1);
-    };
-    return {p.face, to_index(p.v), to_index(p.u)};
-}
-
-class Level {
-  public:
-    explicit Level(const MipLevel& level) : texels_(level.texels), size_(level.face_size) {}
-
-    Rgb sample(const cube::FacePoint<float>& p) const {
-        const float x = texel_coordinate(p.u), y = texel_coordinate(p.v);
-        const int column = static_cast<int>(std::floor(x)), row = static_cast<int>(std::floor(y));
-        const bool inside = column >= 0 && row >= 0 && column + 1 < size_ && row + 1 < size_;
-        const auto at = [&](int r, int c) {
-            return inside ? inner({p.face, r, c}) : outer({p.face, r, c});
-        };
-        const Rgb upper = mix(at(row, column), at(row, column + 1), x - static_cast<float>(column));
-        const Rgb lower =
-            mix(at(row + 1, column), at(row + 1, column + 1), x - static_cast<float>(column));
-        return mix(upper, lower, y - static_cast<float>(row));
-    }
-
-  private:
-    float texel_coordinate(float u) const {
-        return (clamp(u, -1, 1) + 1) / 2 * static_cast<float>(size_) - 0.5f;
-    }
-
-    Rgb inner(const Texel& t) const {
-        const auto size = static_cast<std::uint64_t>(size_);
-        const std::uint64_t i =
-            3 * ((static_cast<std::uint64_t>(t.face) * size + static_cast<std::uint64_t>(t.row)) *
-                     size +
-                 static_cast<std::uint64_t>(t.column));
-        return {texels_[i], texels_[i + 1], texels_[i + 2]};
-    }
-
-    /// A texel at most one step outside of its face.
-    Rgb outer(const Texel& t) const {
-        const Texel nearest{t.face, std::clamp(t.row, 0, size_ - 1),
-                            std::clamp(t.column, 0, size_ - 1)};
-        const bool beyond_row = t.row != nearest.row, beyond_column = t.column != nearest.column;
-        if (!beyond_row && !beyond_column) return inner(t);
-        if (!beyond_row || !beyond_column) return inner(fold(t, size_));
-        const Rgb a = inner(nearest), b = inner(fold({t.face, t.row, nearest.column}, size_)),
-                  c = inner(fold({t.face, nearest.row, t.column}, size_));
-        return {(a[0] + b[0] + c[0]) / 3, (a[1] + b[1] + c[1]) / 3, (a[2] + b[2] + c[2]) / 3};
-    }
-
-    FloatView texels_;
-    int size_;
-};
 
 }  // namespace
 
@@ -161,19 +84,6 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
     }
 }
 
-Rgb sample_mips(const MipsView& mips, const Vec3& direction, float perceptual_roughness) noexcept {
-    if (mips.level_count == 0) return {};
-    const float position = clamp(perceptual_roughness * static_cast<float>(mips.level_count - 1),
-                                 static_cast<float>(mips.first), static_cast<float>(mips.last));
-    const int level = static_cast<int>(position);
-    const float fraction = position - static_cast<float>(level);
-    const cube::FacePoint<float> p = cube::project(direction);
-    const auto at = [&](int k) {
-        return Level(mips.levels[static_cast<std::size_t>(k)]).sample(p);
-    };
-    return fraction > 0 ? mix(at(level), at(level + 1), fraction) : at(level);
-}
-
 SpecularAlbedo lookup_brdf(const BrdfTableView& table, float n_dot_v,
                            float perceptual_roughness) noexcept {
     if (table.rows == 0) return {};
@@ -195,16 +105,31 @@ SpecularAlbedo lookup_brdf(const BrdfTableView& table, float n_dot_v,
     return {value(0), value(1)};
 }
 
-Rgb specular(const Bundle& bundle, const Vec3& n, const Vec3& v, float perceptual_roughness,
-             const Rgb& r0) noexcept {
+float lookup_average_albedo(const BrdfTableView& table, float perceptual_roughness) noexcept {
+    if (table.average_albedo.count == 0) return 0;
+    const float y = table_position(table.axes, clamp(perceptual_roughness, 0, 1), table.rows);
+    const int row = std::min(static_cast<int>(y), table.rows - 2);
+    const float fy = y - static_cast<float>(row);
+    const auto i = static_cast<std::uint64_t>(row);
+    return table.average_albedo[i] * (1 - fy) + table.average_albedo[i + 1] * fy;
+}
+
+Rgb specular(const Bundle& bundle, Distribution distribution, const Vec3& n, const Vec3& v,
+             float perceptual_roughness, const Rgb& r0) noexcept {
     const float n_dot_v = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
     const Vec3 mirrored{2 * n_dot_v * n[0] - v[0], 2 * n_dot_v * n[1] - v[1],
                         2 * n_dot_v * n[2] - v[2]};
-    const Rgb radiance = sample_mips(bundle.mips(), mirrored, perceptual_roughness);
-    const SpecularAlbedo albedo = lookup_brdf(bundle.brdf(), n_dot_v, perceptual_roughness);
+    const Rgb radiance = sample_mips(bundle.mips(distribution), mirrored, perceptual_roughness);
+    const SpecularAlbedo albedo =
+        lookup_brdf(bundle.brdf(distribution), n_dot_v, perceptual_roughness);
     return {radiance[0] * (r0[0] * albedo.a + albedo.b),
             radiance[1] * (r0[1] * albedo.a + albedo.b),
             radiance[2] * (r0[2] * albedo.a + albedo.b)};
+}
+
+Rgb specular(const Bundle& bundle, const Vec3& n, const Vec3& v, float perceptual_roughness,
+             const Rgb& r0) noexcept {
+    return specular(bundle, bundle.distribution(), n, v, perceptual_roughness, r0);
 }
 
 }  // namespace envbake::runtime

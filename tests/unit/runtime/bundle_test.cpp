@@ -65,8 +65,8 @@ void expect_content(const Bundle& bundle) {
     EXPECT_EQ(mips.level_count, 5);
     EXPECT_EQ(mips.first, 1);
     EXPECT_EQ(mips.last, 2);
-    EXPECT_EQ(mips.levels[0].face_size, 0);
-    EXPECT_EQ(mips.levels[1].face_size, 2);
+    EXPECT_EQ(mips.levels[0].width, 0);
+    EXPECT_EQ(mips.levels[1].width, 2);
     EXPECT_TRUE(mips.levels[1].texels.is_half);
     EXPECT_EQ(mips.levels[1].texels[71], 71);
     EXPECT_EQ(mips.levels[2].texels[17], 17);
@@ -127,6 +127,81 @@ TEST(Bundle, AbsentPartsAreEmptyAndShadeToZero) {
     std::vector<Rgb> out(2, Rgb{1, 1, 1});
     diffuse_exit(TransportView{}, bundle->lighting(), 0, out);
     EXPECT_EQ(out[1], (Rgb{}));
+}
+
+TEST(Bundle, AGreyEnvironmentHasOneChannel) {
+    for (const Codec codec : {Codec::None, Codec::Zstd}) {
+        BundleBuilder builder;
+        builder.add("environment/sh", {9, 1}, ramp(9), codec)
+            .add("environment/mips/1", {6, 2, 2, 1}, half_ramp(24), codec)
+            .add("environment/mips/2", {6, 1, 1, 1}, ramp(6), codec)
+            .metadata(kMetadata);
+        const auto bundle = Bundle::open(builder.finish().c_str());
+        ASSERT_TRUE(bundle) << to_string(bundle.error());
+        EXPECT_EQ(bundle->lighting().bands, 3);
+        ASSERT_EQ(bundle->lighting().coeffs.size(), 27u);
+        EXPECT_EQ(bundle->lighting().coeffs[26], 8);
+        EXPECT_EQ(bundle->lighting().coeffs[5], 1);
+        EXPECT_EQ(bundle->mips().levels[1].channels, 1);
+        EXPECT_EQ(sample_mips(bundle->mips(), {1, 0, 0}, 0.5f), (Rgb{0, 0, 0}));
+        EXPECT_EQ(sample_mips(bundle->mips(), {0, 1, 0}, 0.5f), (Rgb{2, 2, 2}));
+    }
+}
+
+TEST(Bundle, LatLongMipsAreKnownByTheirShape) {
+    BundleBuilder builder;
+    builder.add("environment/mips/1", {4, 8, 3}, ramp(96))
+        .add("environment/mips/2", {2, 4, 3}, ramp(24))
+        .metadata(kMetadata);
+    const auto bundle = Bundle::open(builder.finish().c_str());
+    ASSERT_TRUE(bundle) << to_string(bundle.error());
+    EXPECT_EQ(bundle->mips().layout, MipLayout::LatLong);
+    EXPECT_EQ(bundle->mips().levels[1].width, 8);
+    EXPECT_EQ(bundle->mips().levels[2].height, 2);
+}
+
+constexpr const char* kBeckmannMetadata = R"({
+  "environment": {"mips": {"count": 3, "levels": [{"level": 0, "roughness": 0},
+                                                  {"level": 1, "roughness": 0.5}]},
+                  "mips_beckmann": {"count": 3, "levels": [{"level": 1, "roughness": 0.5}]}},
+  "brdf": {"ggx": {"axes": "sqrt"}, "beckmann": {"axes": "sqrt"}}})";
+
+TEST(Bundle, BeckmannStandsBesideGgxAndSharesItsMirror) {
+    BundleBuilder builder;
+    builder.add("environment/mips/0", {6, 2, 2, 3}, ramp(72))
+        .add("environment/mips/1", {6, 1, 1, 3}, ramp(18))
+        .add("environment/mips_beckmann/1", {6, 1, 1, 3}, ramp(18, 2))
+        .add("brdf/ggx", {2, 2, 2}, ramp(8, 0.01f))
+        .add("brdf/beckmann", {2, 2, 2}, ramp(8, 0.02f))
+        .add("brdf/beckmann_average_albedo", {2}, std::vector<float>{1, 0.5f})
+        .metadata(kBeckmannMetadata);
+    const auto bundle = Bundle::open(builder.finish().c_str());
+    ASSERT_TRUE(bundle) << to_string(bundle.error());
+    EXPECT_EQ(bundle->distribution(), Distribution::Ggx);
+    const MipsView& beckmann = bundle->mips(Distribution::Beckmann);
+    EXPECT_EQ(beckmann.first, 0);
+    EXPECT_EQ(beckmann.levels[0].texels[71], 71);
+    EXPECT_EQ(beckmann.levels[1].texels[17], 34);
+    EXPECT_EQ(bundle->mips().levels[1].texels[17], 17);
+    EXPECT_EQ(bundle->brdf(Distribution::Beckmann).texels[7], 7 * 0.02f);
+    EXPECT_EQ(lookup_average_albedo(bundle->brdf(Distribution::Beckmann), 0.25f), 0.75f);
+    EXPECT_EQ(lookup_average_albedo(bundle->brdf(), 0.25f), 0);
+    const Vec3 up{0, 1, 0};
+    EXPECT_NE(specular(*bundle, Distribution::Beckmann, up, up, 0.5f, {1, 1, 1}),
+              specular(*bundle, up, up, 0.5f, {1, 1, 1}));
+}
+
+TEST(Bundle, BeckmannAloneIsWhatTheBundleIsFor) {
+    BundleBuilder builder;
+    builder.add("environment/mips_beckmann/1", {6, 1, 1, 3}, ramp(18, 2))
+        .add("brdf/beckmann", {2, 2, 2}, ramp(8, 0.02f))
+        .metadata(kBeckmannMetadata);
+    const auto bundle = Bundle::open(builder.finish().c_str());
+    ASSERT_TRUE(bundle) << to_string(bundle.error());
+    EXPECT_EQ(bundle->distribution(), Distribution::Beckmann);
+    EXPECT_EQ(bundle->mips().first, 1);
+    const Vec3 up{0, 1, 0};
+    EXPECT_NE(specular(*bundle, up, up, 0.5f, {1, 1, 1}), (Rgb{}));
 }
 
 struct Fault {
@@ -229,6 +304,35 @@ const Fault kFaults[] = {
          b.add("environment/mips/1", {6, 1, 1, 3}, ramp(18))
              .metadata(R"({"environment": {"mips": {"count": 17,
                            "levels": [{"level": 1, "roughness": 0.0625}]}}})");
+     },
+     Errc::Metadata},
+    {"a lat-long image that is not twice as wide as high",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/1", {4, 6, 3}, ramp(72)).metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"mips of two layouts",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/1", {6, 2, 2, 3}, ramp(72))
+             .add("environment/mips/2", {2, 4, 3}, ramp(24))
+             .metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"mips of two channels",
+     [](BundleBuilder& b) {
+         b.add("environment/mips/1", {6, 1, 1, 2}, ramp(12)).metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"an average albedo of another table",
+     [](BundleBuilder& b) {
+         b.add("brdf/ggx", {2, 2, 2}, ramp(8))
+             .add("brdf/ggx_average_albedo", {3}, ramp(3))
+             .metadata(kMetadata);
+     },
+     Errc::ArrayShape},
+    {"Beckmann without its axes",
+     [](BundleBuilder& b) {
+         b.add("brdf/beckmann", {2, 2, 2}, ramp(8)).metadata(kMetadata);
      },
      Errc::Metadata},
     {"unknown axes", [](BundleBuilder& b) { fill(b, Codec::None, with("linear", "cubic")); },

@@ -211,7 +211,7 @@ struct Faces {
     MipsView view() const {
         MipsView mips;
         mips.level_count = 1;
-        mips.levels[0] = {size, {texels.data(), texels.size(), false}};
+        mips.levels[0] = {size, size, 3, {texels.data(), texels.size(), false}};
         return mips;
     }
 
@@ -406,18 +406,93 @@ TEST(SampleMips, LinearBetweenLevelsAndClampedToThosePresent) {
     EXPECT_NEAR(at(std::nan("")), 10, 1e-5);
 }
 
+TEST(SampleMips, OneChannelIsThreeEqualOnes) {
+    Random random;
+    Faces faces(5);
+    faces.fill([&](const DVec3& d, std::size_t) { return 2 + d[0] + 0.3 * d[1]; });
+    std::vector<float> grey;
+    for (std::size_t i = 0; i < faces.texels.size(); i += 3) grey.push_back(faces.texels[i]);
+    MipsView mips = faces.view();
+    mips.levels[0].channels = 1;
+    mips.levels[0].texels = {grey.data(), grey.size(), false};
+    for (int i = 0; i < 200; ++i) {
+        const Vec3 d = narrow(random.direction());
+        EXPECT_EQ(sample_mips(mips, d, 0), sample_mips(faces.view(), d, 0));
+    }
+}
+
+/// A lat-long image of 4 s x 2 s texels of one channel.
+struct LatLongImage {
+    template <class F>
+    LatLongImage(int s, F value) : width(4 * s), height(2 * s) {
+        for (int row = 0; row < height; ++row) {
+            for (int column = 0; column < width; ++column) {
+                const double theta = kPi * (row + 0.5) / height;
+                const double phi = 2 * kPi * ((column + 0.5) / width - 0.5);
+                texels.push_back(
+                    static_cast<float>(value(DVec3{std::sin(theta) * std::cos(phi), std::cos(theta),
+                                                   std::sin(theta) * std::sin(phi)})));
+            }
+        }
+    }
+    MipsView view() const {
+        MipsView mips;
+        mips.level_count = 1;
+        mips.layout = MipLayout::LatLong;
+        mips.levels[0] = {width, height, 1, {texels.data(), texels.size(), false}};
+        return mips;
+    }
+    static constexpr double kPi = 3.14159265358979323846;
+    int width, height;
+    std::vector<float> texels;
+};
+
+TEST(SampleMips, LatLongFollowsASmoothFunctionOverSeamAndPoles) {
+    const DVec3 gradient{0.3, -0.5, 0.2};
+    const LatLongImage image(64, [&](const DVec3& d) { return 1 + dot(d, gradient); });
+    Random random;
+    double worst = 0;
+    for (int i = 0; i < 6000; ++i) {
+        DVec3 d = random.direction();
+        if (i % 3 == 1) d = normalized({-1, d[1], 1e-3 * d[2]});           // the seam
+        if (i % 3 == 2) d = normalized({0.01 * d[0], d[1], 0.01 * d[2]});  // the poles
+        const Rgb value = sample_mips(image.view(), narrow(d), 0);
+        EXPECT_EQ(value[0], value[2]);
+        worst = std::max(worst, std::abs(static_cast<double>(value[1]) - 1 - dot(d, gradient)));
+    }
+    EXPECT_LT(worst, 2e-4);  // curvature h^2 / 8, h = pi / 128
+}
+
+TEST(SampleMips, LatLongTexelCentresAreExact) {
+    Random random;
+    const LatLongImage image(3, [&](const DVec3&) { return random.next(); });
+    for (int row = 0; row < image.height; ++row) {
+        for (int column = 0; column < image.width; ++column) {
+            const double theta = LatLongImage::kPi * (row + 0.5) / image.height;
+            const double phi = 2 * LatLongImage::kPi * ((column + 0.5) / image.width - 0.5);
+            const DVec3 d{std::sin(theta) * std::cos(phi), std::cos(theta),
+                          std::sin(theta) * std::sin(phi)};
+            EXPECT_NEAR(sample_mips(image.view(), narrow(d), 0)[0],
+                        image.texels[static_cast<std::size_t>(row * image.width + column)], 1e-5);
+        }
+    }
+}
+
 TEST(SampleMips, SurvivesAnyDirection) {
     Random random;
     Faces faces(3);
     faces.fill([&](const DVec3&, std::size_t) { return random.next(); });
+    const LatLongImage image(1, [&](const DVec3&) { return random.next(); });
     constexpr float kInf = std::numeric_limits<float>::infinity();
     constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
     for (const float x : {0.0f, 1.0f, -1.0f, kInf, kNan, 1e-45f, 3e38f}) {
         for (const float y : {0.0f, 1.0f, -kInf, kNan}) {
             for (const float z : {0.0f, -1.0f, kInf, kNan}) {
-                for (const float value : sample_mips(faces.view(), {x, y, z}, 0.5f)) {
-                    EXPECT_GE(value, 0);
-                    EXPECT_LE(value, 1);
+                for (const MipsView& mips : {faces.view(), image.view()}) {
+                    for (const float value : sample_mips(mips, {x, y, z}, 0.5f)) {
+                        EXPECT_GE(value, 0);
+                        EXPECT_LE(value, 1);
+                    }
                 }
             }
         }

@@ -4,6 +4,7 @@
 #include "envbake/format/reader.h"
 #include "envbake/runtime/brdf.h"
 #include "envbake/runtime/half.h"
+#include "envbake/runtime/mip_layout.h"
 
 #include <array>
 #include <bit>
@@ -37,30 +38,36 @@ struct FloatView {
 /// "environment/sh": l_i = integral of L(w) Y_i(w) dw, basis of sh.h.
 struct ShLightingView {
     int bands = 0;                  ///< 1 .. 10; 0: the bundle has none
-    std::span<const float> coeffs;  ///< [bands^2, 3]: slot sh::index(l, m), RGB; W m^-2
+    std::span<const float> coeffs;  ///< [bands^2, 3]: slot sh::index(l, m), RGB; W m^-2. A grey
+                                    ///< environment's one channel is stored thrice by open()
 };
 
-/// "environment/mips/K": prefiltered radiance, six faces of cube.h.
+/// One level of prefiltered radiance, W sr^-1 m^-2.
 struct MipLevel {
-    int face_size = 0;  ///< texels; 0: this level was not baked
-    FloatView texels;   ///< [6, face_size, face_size, 3], W sr^-1 m^-2
+    int width = 0;  ///< texels, of a face or of the image; 0: this level was not baked
+    int height = 0;
+    int channels = 3;  ///< 1: grey, the same for red, green, blue
+    FloatView texels;  ///< [6 faces, height, width, channels], or [height, width, channels]
 };
 
-/// Level k holds perceptual roughness k / (level_count - 1). Levels first .. last are present: a
-/// scene whose materials are all rough needs no mirror.
+/// "environment/mips/K" and "environment/mips_beckmann/K". Level k holds perceptual roughness
+/// k / (level_count - 1). Levels first .. last are present: a scene whose materials are all rough
+/// needs no mirror.
 struct MipsView {
     int level_count = 0;  ///< 0: the bundle has none
     int first = 0;
     int last = 0;
+    MipLayout layout = MipLayout::CubeFaces;
     std::array<MipLevel, kMaxMipLevels> levels{};
 };
 
-/// "brdf/ggx": texel [row of roughness, column of n.v, A and B].
+/// "brdf/ggx" and "brdf/beckmann": texel [row of roughness, column of n.v, A and B].
 struct BrdfTableView {
     int rows = 0;  ///< 0: the bundle has none
     int columns = 0;
     TableAxes axes = TableAxes::SqrtEndPoints;
     FloatView texels;
+    FloatView average_albedo;  ///< [rows]: 2 integral of (A + B) n.v d(n.v); count 0: none
 };
 
 /// "mesh/I/diffuse": a row of bands^2 numbers a vertex, times channels where light bounces.
@@ -113,8 +120,14 @@ class Bundle {
     const format::Reader& reader() const noexcept { return reader_; }
 
     const ShLightingView& lighting() const noexcept { return lighting_; }
-    const MipsView& mips() const noexcept { return mips_; }
-    const BrdfTableView& brdf() const noexcept { return brdf_; }
+
+    /// The distribution that the bundle was baked for; GGX where it holds both, or neither.
+    Distribution distribution() const noexcept;
+    const MipsView& mips() const noexcept { return mips(distribution()); }
+    const MipsView& mips(Distribution d) const noexcept { return lobe(d).mips; }
+    const BrdfTableView& brdf() const noexcept { return brdf(distribution()); }
+    const BrdfTableView& brdf(Distribution d) const noexcept { return lobe(d).brdf; }
+
     std::span<const Mesh> meshes() const noexcept { return meshes_; }
 
     /// An array in place; for those that shade.h does not use.
@@ -128,14 +141,25 @@ class Bundle {
         void operator()(std::byte* block) const noexcept;
     };
     class Arena;
+    struct Lobe {
+        MipsView mips;
+        BrdfTableView brdf;
+    };
+    struct LobeNames;
+
+    const Lobe& lobe(Distribution d) const noexcept {
+        return d == Distribution::Ggx ? ggx_ : beckmann_;
+    }
 
     explicit Bundle(format::Reader reader) noexcept : reader_(std::move(reader)) {}
     static format::Expected<Bundle> load(format::Expected<format::Reader> reader) noexcept;
 
     format::Expected<void> resolve(Arena& arena) noexcept;
     format::Expected<void> resolve_lighting(Arena& arena) noexcept;
-    format::Expected<void> resolve_mips(Arena& arena) noexcept;
-    format::Expected<void> resolve_brdf(Arena& arena) noexcept;
+    format::Expected<void> resolve_mips(const LobeNames& names, MipsView& mips,
+                                        Arena& arena) noexcept;
+    format::Expected<void> resolve_brdf(const LobeNames& names, BrdfTableView& brdf,
+                                        Arena& arena) noexcept;
     format::Expected<void> resolve_meshes(Arena& arena) noexcept;
     format::Expected<FloatView> place(const format::ArrayInfo& info, Arena& arena) const noexcept;
     format::Error metadata_error() const noexcept;
@@ -143,8 +167,7 @@ class Bundle {
     format::Reader reader_;
     std::unique_ptr<std::byte, Free> block_;
     ShLightingView lighting_;
-    MipsView mips_;
-    BrdfTableView brdf_;
+    Lobe ggx_, beckmann_;
     std::span<const Mesh> meshes_;
 };
 

@@ -35,8 +35,8 @@ namespace envbake::runtime {
 void diffuse_exit(const TransportView& transport, const ShLightingView& lighting,
                   std::uint64_t first, std::span<Rgb> out) noexcept;
 
-/// Prefiltered radiance seen along `direction` (any length but 0) by a lobe of a roughness. A GPU
-/// gives the same from a cube map with trilinear filtering and seamless edges:
+/// Prefiltered radiance seen along `direction` (any length but 0) by a lobe of a roughness. For
+/// cube faces a GPU gives the same with trilinear filtering and seamless edges:
 ///
 ///   levels   p = roughness * (level_count - 1), clamped to the levels present; the value is linear
 ///            in p between levels floor(p) and floor(p) + 1.
@@ -49,7 +49,9 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
 ///   corners  a texel beyond two edges does not exist: it is the mean of the other three, the three
 ///            texels that meet in the corner of the cube.
 ///
-/// So the value is continuous over the whole sphere.
+/// So the value is continuous over the whole sphere. A lat-long image (lat_long.h, u and v in
+/// [0, 1]) has x = u * width - 1/2, y = v * height - 1/2; columns wrap around, and a texel beyond a
+/// pole is that of the same row half a turn away: continuous but for the two points of the poles.
 ///
 ///   perceptual_roughness   in [0, 1], clamped
 [[nodiscard]] Rgb sample_mips(const MipsView& mips, const Vec3& direction,
@@ -63,6 +65,11 @@ struct SpecularAlbedo {
 [[nodiscard]] SpecularAlbedo lookup_brdf(const BrdfTableView& table, float n_dot_v,
                                          float perceptual_roughness) noexcept;
 
+/// Average over the hemisphere of the directional albedo E = A + B, 2 integral of E n.v d(n.v):
+/// what multiple_scattering.h asks for. Linear between rows of the table; 0 without it.
+[[nodiscard]] float lookup_average_albedo(const BrdfTableView& table,
+                                          float perceptual_roughness) noexcept;
+
 /// Reflected radiance of the specular lobe in the split-sum form: sample_mips(R) (R0 A + B), where
 /// R is v mirrored at n. A view from below the surface counts as grazing, n.v = 0.
 ///
@@ -70,6 +77,10 @@ struct SpecularAlbedo {
 ///        of a metal
 ///
 /// Source: [Karis13].
+[[nodiscard]] Rgb specular(const Bundle& bundle, Distribution distribution, const Vec3& n,
+                           const Vec3& v, float perceptual_roughness, const Rgb& r0) noexcept;
+
+/// The same for bundle.distribution().
 [[nodiscard]] Rgb specular(const Bundle& bundle, const Vec3& n, const Vec3& v,
                            float perceptual_roughness, const Rgb& r0) noexcept;
 
