@@ -2,10 +2,11 @@
 #include "baker/lighting/box_average.h"
 
 #include "baker/core/parallel.h"
-#include "baker/math/quadrature.h"
+#include "baker/lighting/grid_overlap.h"
 #include "envbake/runtime/cube.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
@@ -16,323 +17,541 @@ namespace {
 
 using std::numbers::pi;
 
+/// Edges of two grids that should agree differ by less; what they share then is nothing.
+constexpr double kSameEdge = 1e-14;
+
 std::size_t index(int i) {
     return static_cast<std::size_t>(i);
 }
 
-DVec3 lowest(const Environment& environment) {
-    DVec3 low(environment.radiance[0]);
-    for (const Vec3& L : environment.radiance) low = glm::min(low, DVec3(L));
-    return low;
-}
-DVec3 highest(const Environment& environment) {
-    DVec3 high(environment.radiance[0]);
-    for (const Vec3& L : environment.radiance) high = glm::max(high, DVec3(L));
-    return high;
+template <int kChannels>
+using Sum = std::array<double, kChannels>;
+
+template <int kChannels>
+void add(Sum<kChannels>& sum, double weight, const Vec3& L) {
+    for (int k = 0; k < kChannels; ++k) sum[index(k)] += weight * static_cast<double>(L[k]);
 }
 
-/// Which interval of rising edges holds x.
-int interval_of(const std::vector<double>& edges, double x) {
-    const auto next = std::upper_bound(edges.begin() + 1, edges.end() - 1, x);
-    return static_cast<int>(next - edges.begin()) - 1;
+template <int kChannels>
+void store(const Sum<kChannels>& sum, double weight, float* to) {
+    for (std::size_t k = 0; k < kChannels; ++k) to[k] = static_cast<float>(sum[k] / weight);
 }
 
-/// The same, many times: even buckets say where to begin, a step or two end it.
-class IntervalFinder {
-  public:
-    explicit IntervalFinder(std::vector<double> edges) : edges_(std::move(edges)) {
-        const std::size_t buckets = 4 * edges_.size();
-        const double width = (edges_.back() - edges_.front()) / static_cast<double>(buckets);
-        per_unit_ = 1 / width;
-        for (std::size_t i = 0; i < buckets; ++i) {
-            first_.push_back(interval_of(edges_, edges_.front() + static_cast<double>(i) * width));
-        }
+template <int kChannels>
+std::vector<float> copy_of(const Environment& environment) {
+    std::vector<float> texels;
+    texels.reserve(environment.radiance.size() * kChannels);
+    for (const Vec3& L : environment.radiance) {
+        for (int k = 0; k < kChannels; ++k) texels.push_back(L[k]);
     }
-    int operator()(double x) const {
-        const double bucket = std::clamp((x - edges_.front()) * per_unit_, 0.0,
-                                         static_cast<double>(first_.size() - 1));
-        int i = first_[static_cast<std::size_t>(bucket)];
-        const int last = static_cast<int>(edges_.size()) - 2;
-        while (i < last && x >= edges_[index(i + 1)]) ++i;
-        while (i > 0 && x < edges_[index(i)]) --i;
-        return i;
-    }
+    return texels;
+}
 
-  private:
-    std::vector<double> edges_;
-    std::vector<int> first_;
-    double per_unit_ = 0;
+bool agree(const std::vector<double>& a, const std::vector<double>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                      [](double x, double y) { return std::abs(x - y) <= kSameEdge; });
+}
+
+/// What an interval shares with intervals of a grid: those from `first` on, wrapped.
+struct Shares {
+    int first = 0;
+    std::vector<double> weights;
 };
 
-std::vector<double> depths(const LatLongGrid& grid) {
-    std::vector<double> rising;
-    for (const double theta : grid.theta_edges) rising.push_back(-std::cos(theta));
-    return rising;
-}
+// --- lat-long to cube faces
 
-/// A straight edge at height h of the cube's surface, seen from above: with t along it from the
-/// foot of the perpendicular from the axis, phi = foot_phi + atan(t / D), rho^2 = D^2 + t^2, y = h
-/// / sqrt(h^2 + rho^2). phi rises with t.
-struct Edge {
-    double h, distance, cos_foot, sin_foot, t0, t1;
+/// Where the texels of a part of the sphere (grid_overlap.h) lie in the output: side texel (i
+/// upwards, j along Z), polar texel (a along X, b along Z), counted from the middle of the face.
+struct OutputTexels {
+    std::ptrdiff_t side = 0, side_i = 0, side_j = 0;
+    std::ptrdiff_t polar = 0, polar_a = 0, polar_b = 0;
 
-    double y(double t) const { return h / std::sqrt(h * h + distance * distance + t * t); }
-    /// The angle between two places, without a difference of angles.
-    double turn(double from, double to) const {
-        const double x = distance * (to - from) / (distance * distance + from * to);
-        const double x2 = x * x;
-        if (x2 < 1e-4 && x2 >= 0 && distance * distance + from * to > 0) {
-            return x * (1 - x2 * (1.0 / 3 - x2 * (1.0 / 5 - x2 * (1.0 / 7 - x2 / 9))));
-        }
-        return std::atan(to / distance) - std::atan(from / distance);
+    OutputTexels(const GridPart& part, int size) {
+        // In units of half a texel; the middle texel of an odd size belongs to both sides.
+        const double n = size;
+        const auto centre = [&](int i) { return size % 2 == 0 ? 2.0 * i + 1 : 2.0 * i; };
+        const auto at = [&](double x, double y, double z) {
+            const auto p = cube::project(part.to_world(x, y, z));
+            const auto column = std::lround((p.u * n + n - 1) / 2);
+            const auto row = std::lround((p.v * n + n - 1) / 2);
+            return (static_cast<std::ptrdiff_t>(p.face) * size + row) * size + column;
+        };
+        const double c0 = centre(0), c1 = centre(1);
+        side = at(n, c0, c0);
+        polar = at(c0, n, c0);
+        if (size <= 2) return;  // one texel a part
+        side_i = at(n, c1, c0) - side;
+        side_j = at(n, c0, c1) - side;
+        polar_a = at(c1, n, c0) - polar;
+        polar_b = at(c0, n, c1) - polar;
     }
 };
 
-/// Integrals of C dphi along edges. Radiance is that above the floor.
-class ContourIntegrals {
+template <int kChannels>
+class LatLongToCube {
   public:
-    ContourIntegrals(const Environment& environment, const LatLongGrid& grid, const DVec3& floor,
-                     const Quadrature& rule)
-        : environment_(environment),
-          grid_(grid),
-          floor_(floor),
-          rule_(rule),
-          row_of_depth_(depths(grid)),
-          column_of_(grid.phi_edges) {
-        for (const double theta : grid.theta_edges) heights_.push_back(std::cos(theta));
-        for (const double phi : grid.phi_edges) rays_.push_back({std::cos(phi), std::sin(phi)});
-        heights_.front() = 1;
-        heights_.back() = -1;
-        // Sums down to every row would be as large as the map in double: a large map keeps fewer.
-        step_ = std::max(1, grid.height / 1024);
-        const int kept = grid.height / step_ + 1;
-        sums_.assign(index(kept) * index(grid.width), DVec3{0});
-        totals_.assign(index(grid.width), DVec3{0});
-        constexpr int kColumnsPerTask = 64;
-        const int tasks = (grid.width + kColumnsPerTask - 1) / kColumnsPerTask;
-        parallel_for(index(tasks), [&](std::size_t task) {
-            const int first = static_cast<int>(task) * kColumnsPerTask;
-            const int last = std::min(first + kColumnsPerTask, grid.width);
-            for (int r = 0; r < grid.height; ++r) {
-                for (int c = first; c < last; ++c) {
-                    DVec3& total = totals_[index(c)];
-                    if (r % step_ == 0)
-                        sums_[index(r / step_) * index(grid.width) + index(c)] = total;
-                    total += excess(r, c) * drop(r);
-                }
+    LatLongToCube(const Environment& environment, const LatLongGrid& grid, int size)
+        : radiance_(environment.radiance.data()),
+          width_(grid.width),
+          size_(size),
+          half_(size - size / 2),
+          groups_(parts_of(grid)),
+          texels_(index(cube::kFaceCount) * index(size) * index(size) * kChannels) {
+        // Overlaps of a texel with a large map are worked out in pieces of some texels' width.
+        constexpr int kPieceTexels = 32;
+        const int across = std::max(grid.width / 4, grid.height / 2);
+        pieces_ = std::max(1, across / (kPieceTexels * size));
+        for (const GridParts& group : groups_) {
+            for (const GridPart& part : group.parts) outputs_.emplace_back(part, size);
+        }
+    }
+
+    std::vector<float> run() {
+        const std::size_t n = index(half_);
+        parallel_for(2 * n, [&](std::size_t task) {
+            std::vector<OverlapFinder> finders;
+            for (const GridParts& group : groups_) {
+                finders.emplace_back(group, 2.0 / (size_ * pieces_));
+            }
+            const int j = static_cast<int>(task % n);
+            if (task < n) {
+                for (int i = 0; i < half_; ++i) average(finders, false, i, j);
+            } else {
+                for (int b = 0; b <= j; ++b) average(finders, true, j, b);
             }
         });
-    }
-
-    /// From (x0, z0) to (x1, z1) at height h, C summed from the north pole, or (as a positive
-    /// number) from the south.
-    DVec3 along(double x0, double z0, double x1, double z1, double h, bool south) const {
-        const double cross = x0 * z1 - z0 * x1;
-        if (cross == 0) return DVec3{0};  // straight to the pole: dphi = 0
-        if (cross < 0) return -along(x1, z1, x0, z0, h, south);
-        const double dx = x1 - x0, dz = z1 - z0, length = std::hypot(dx, dz);
-        const Edge edge{h,
-                        cross / length,
-                        dz / length,
-                        -dx / length,
-                        (x0 * dx + z0 * dz) / length,
-                        (x1 * dx + z1 * dz) / length};
-        // The column that the edge starts in; a start on a boundary may be put on either side of
-        // it.
-        double phi = std::atan2(z0, x0);
-        phi -= 2 * pi * std::floor((phi - grid_.phi_edges.front()) / (2 * pi));
-        int column = column_of_(phi);
-        double t = edge.t0;
-        DVec3 sum{0};
-        for (int crossed = 0;; ++crossed) {
-            const Ray& ray = rays_[index(column + 1)];
-            const double ahead = ray.cosine * edge.cos_foot + ray.sine * edge.sin_foot;
-            const double aside = ray.sine * edge.cos_foot - ray.cosine * edge.sin_foot;
-            const double crossing = ahead > 0 ? edge.distance * aside / ahead : edge.t1;
-            // A ray behind the start is the same column's far side, more than half a turn away.
-            const bool last =
-                crossed == grid_.width || crossing >= edge.t1 || crossing < edge.t0 - kSlack;
-            const double end = last ? edge.t1 : std::max(crossing, t);
-            sum += in_column(edge, column, t, end, south);
-            if (last) return sum;
-            t = end;
-            if (++column == grid_.width) column = 0;
-        }
+        return std::move(texels_);
     }
 
   private:
-    double drop(int row) const { return heights_[index(row)] - heights_[index(row + 1)]; }
-    DVec3 excess(int row, int column) const {
-        return DVec3(environment_.radiance[index(row) * index(grid_.width) + index(column)]) -
-               floor_;
-    }
-    /// Sum of L dy over the rows above `row`.
-    DVec3 above(int row, int column) const {
-        if (row == grid_.height) return totals_[index(column)];
-        const int kept = row / step_;
-        DVec3 sum = sums_[index(kept) * index(grid_.width) + index(column)];
-        for (int r = kept * step_; r < row; ++r) sum += excess(r, column) * drop(r);
-        return sum;
+    struct Output {
+        std::ptrdiff_t texel = 0;
+        double solid_angle = 0;
+        Sum<kChannels> flux{};
+    };
+    /// The outputs of one texel in all parts. Half texels about an axis meet again in one output.
+    struct Outputs {
+        std::array<Output, 16> of;
+        std::size_t count = 0;
+
+        Output& at(std::ptrdiff_t texel, bool may_meet) {
+            for (std::size_t i = 0; may_meet && i < count; ++i) {
+                if (of[i].texel == texel) return of[i];
+            }
+            of[count] = {.texel = texel};
+            return of[count++];
+        }
+    };
+
+    /// Piece k of pieces_ of texel i, counted from the middle of the face.
+    double edge(int i, int k) const {
+        const double first = size_ % 2 == 0 ? 2.0 * i : std::max(0.0, 2.0 * i - 1);
+        const double last = size_ % 2 == 0 ? 2.0 * i + 2 : 2.0 * i + 1;
+        return (first + (last - first) * k / pieces_) / size_;
     }
 
-    DVec3 in_column(const Edge& e, int column, double t0, double t1, bool south) const {
-        if (t0 < 0 && t1 > 0) {  // y turns round at the foot
-            return in_column(e, column, t0, 0, south) + in_column(e, column, 0, t1, south);
-        }
-        const bool inwards = t1 <= 0;
-        const bool rising = inwards == (e.h > 0);  // y along the way
-        int row = row_of_depth_(-e.y(t0));
-        DVec3 sum{0};
-        while (true) {
-            const int crossed = rising ? row : row + 1;
-            const double y = heights_[index(crossed)];
-            double end = t1;
-            bool last = true;
-            if (crossed > 0 && crossed < grid_.height && y * e.h > 0) {
-                const double t2 = e.h * e.h * (1 / (y * y) - 1) - e.distance * e.distance;
-                const double t = inwards ? -std::sqrt(t2) : std::sqrt(t2);
-                if (t2 >= 0 && t < t1) {
-                    last = false;
-                    end = std::max(t, t0);
+    /// Side texel (i, j) or polar texel (a, b) of every part.
+    void average(std::vector<OverlapFinder>& finders, bool polar, int i, int j) {
+        Outputs outputs;
+        Overlap overlap;
+        const bool on_axis = size_ % 2 == 1 && (i == 0 || j == 0);
+        std::size_t first_part = 0;
+        for (std::size_t g = 0; g < groups_.size(); ++g) {
+            const std::vector<GridPart>& parts = groups_[g].parts;
+            // Where polar texels lie on the diagonal, a part has what its mirror image has.
+            const auto counts = [&](const GridPart& part) {
+                return !(polar && i == j && part.mirrored);
+            };
+            std::array<Output*, 16> to{};
+            for (std::size_t p = 0; p < parts.size(); ++p) {
+                const OutputTexels& o = outputs_[first_part + p];
+                if (!counts(parts[p])) continue;
+                to[p] = &outputs.at(polar ? o.polar + i * o.polar_a + j * o.polar_b
+                                          : o.side + i * o.side_i + j * o.side_j,
+                                    on_axis);
+            }
+            for (int k = 0; k < pieces_; ++k) {
+                for (int l = 0; l < pieces_; ++l) {
+                    overlap.clear();
+                    const double i0 = edge(i, k), i1 = edge(i, k + 1);
+                    const double j0 = edge(j, l), j1 = edge(j, l + 1);
+                    if (polar) {
+                        finders[g].add_polar(i0, i1, j0, j1, overlap);
+                    } else {
+                        finders[g].add_side(j0, j1, i0, i1, overlap);
+                    }
+                    for (std::size_t p = 0; p < parts.size(); ++p) {
+                        if (to[p]) add_overlap(parts[p], overlap, *to[p]);
+                    }
                 }
             }
-            sum += in_texel(e, row, column, t0, end, south);
-            if (last) return sum;
-            t0 = end;
-            row += rising ? -1 : 1;
+            first_part += parts.size();
+        }
+        for (std::size_t o = 0; o < outputs.count; ++o) {
+            const Output& output = outputs.of[o];
+            store<kChannels>(output.flux, output.solid_angle,
+                             texels_.data() + output.texel * kChannels);
         }
     }
 
-    DVec3 in_texel(const Edge& e, int row, int column, double t0, double t1, bool south) const {
-        // Integral of (1 - |y|) dphi = D dt / (R (R + |h|)), R^2 = h^2 + D^2 + t^2: smooth at a
-        // pole.
-        const double half = (t1 - t0) / 2, middle = t0 + half;
-        const double h = std::abs(e.h);
-        double cap = 0;
-        for (std::size_t i = 0; i < rule_.nodes.size(); ++i) {
-            const double t = middle + half * rule_.nodes[i];
-            const double r2 = h * h + e.distance * e.distance + t * t;
-            cap += rule_.weights[i] / (r2 + std::sqrt(r2) * h);
+    void add_overlap(const GridPart& part, const Overlap& overlap, Output& to) const {
+        Sum<kChannels> flux = to.flux;
+        for (const Overlap::Run& run : overlap.runs) {
+            const int row = part.first_row + part.row_step * run.row;
+            const Vec3* const texels = radiance_ + index(row) * index(width_);
+            int column = part.first_column + part.column_step * run.column;
+            if (column >= width_) column -= width_;
+            if (column < 0) column += width_;
+            const double* const weights = overlap.solid_angles.data() + run.first;
+            const int end = column + part.column_step * (run.count - 1);
+            if (end >= 0 && end < width_) {
+                const Vec3* L = texels + column;
+                for (int i = 0; i < run.count; ++i, L += part.column_step) {
+                    add<kChannels>(flux, weights[i], *L);
+                }
+            } else {
+                for (int i = 0; i < run.count; ++i) {
+                    add<kChannels>(flux, weights[i], texels[column]);
+                    column += part.column_step;
+                    if (column == width_) column = 0;
+                    if (column < 0) column = width_ - 1;
+                }
+            }
         }
-        cap *= half * e.distance;
-        const double d_phi = e.turn(t0, t1);
-        const DVec3 L = excess(row, column);
-        // 1 - y from the north, 1 + y from the south; the far hemisphere has 2 - (1 - |y|).
-        if ((e.h < 0) != south) cap = 2 * d_phi - cap;
-        if (south) {
-            const DVec3 below = totals_[index(column)] - above(row + 1, column);
-            return (below - L * (1 + heights_[index(row + 1)])) * d_phi + L * cap;
-        }
-        return (above(row, column) - L * (1 - heights_[index(row)])) * d_phi + L * cap;
+        to.flux = flux;
+        to.solid_angle += overlap.total;
     }
 
-    struct Ray {
-        double cosine, sine;
-    };
-    static constexpr double kSlack = 1e-9;
-
-    const Environment& environment_;
-    const LatLongGrid& grid_;
-    DVec3 floor_;
-    const Quadrature& rule_;
-    IntervalFinder row_of_depth_, column_of_;
-    std::vector<double> heights_;  ///< cos theta of the edges of rows, falling
-    std::vector<Ray> rays_;        ///< directions of the edges of columns
-    int step_ = 1;
-    std::vector<DVec3> sums_, totals_;
+    const Vec3* radiance_;
+    int width_, size_;
+    int half_;  ///< texels from the middle of a face to its edge
+    int pieces_ = 1;
+    std::vector<GridParts> groups_;
+    std::vector<OutputTexels> outputs_;  ///< of the parts of all groups
+    std::vector<float> texels_;
 };
 
-std::vector<Vec3> average_lat_long(const Environment& environment, const LatLongGrid& grid,
-                                   int size) {
-    const DVec3 low = lowest(environment), high = highest(environment);
-    const Quadrature rule = gauss_legendre(gauss_count_for_singularity(1.0, 1.0 / size, 1e-11));
-    const ContourIntegrals contour(environment, grid, low, rule);
-    const std::size_t n = index(size);
-    std::vector<Vec3> texels(index(cube::kFaceCount) * n * n);
-    const auto at = [&](int i) { return 2.0 * i / size - 1; };
+// --- lat-long to lat-long
 
-    constexpr int kRowsPerTask = 16;  // the edge between two rows of a task is integrated once
-    const std::size_t tasks_per_face = (n + kRowsPerTask - 1) / kRowsPerTask;
-    parallel_for(index(cube::kFaceCount) * tasks_per_face, [&](std::size_t task) {
-        const auto face = static_cast<cube::Face>(task / tasks_per_face);
-        const int first = static_cast<int>(task % tasks_per_face) * kRowsPerTask;
-        const bool polar = face == cube::Face::PositiveY || face == cube::Face::NegativeY;
-        const bool south = face == cube::Face::NegativeY;
-        const auto integral = [&](int c0, int r0, int c1, int r1) {
-            const auto p = cube::point(face, at(c0), at(r0)), q = cube::point(face, at(c1), at(r1));
-            return contour.along(p[0], p[2], q[0], q[2], p[1], south);
-        };
-        // Seen in (x, z), u to v turns the same way as x to z on +Y, the other way on -Y; on the
-        // side faces phi falls with u. Only dphi counts, so upright edges of side faces add
-        // nothing.
-        const double sign = face == cube::Face::PositiveY ? 1 : -1;
-        std::vector<DVec3> top(n), bottom(n);
-        const auto integrate_row_edge = [&](int row, std::vector<DVec3>& out) {
-            for (int column = 0; column < size; ++column) {
-                out[index(column)] = integral(column, row, column + 1, row);
+/// Rows of the source that share heights theta0 .. theta1.
+Shares rows_of(const LatLongGrid& grid, double theta0, double theta1) {
+    Shares shares;
+    for (int r = 0; r < grid.height; ++r) {
+        const double from = std::max(theta0, grid.theta_edges[index(r)]);
+        const double to = std::min(theta1, grid.theta_edges[index(r + 1)]);
+        if (to - from <= kSameEdge) {
+            if (!shares.weights.empty()) break;
+            continue;
+        }
+        if (shares.weights.empty()) shares.first = r;
+        shares.weights.push_back(2 * std::sin((from + to) / 2) * std::sin((to - from) / 2));
+    }
+    return shares;
+}
+
+/// Columns of the source that share azimuths phi0 .. phi1.
+Shares columns_of(const LatLongGrid& grid, double phi0, double phi1) {
+    const std::vector<double>& edges = grid.phi_edges;
+    const double turns = 2 * pi * std::floor((phi0 - edges.front() + kSameEdge) / (2 * pi));
+    phi0 -= turns;
+    phi1 -= turns;
+    Shares shares;
+    int column =
+        static_cast<int>(std::upper_bound(edges.begin() + 1, edges.end() - 1, phi0 + kSameEdge) -
+                         edges.begin()) -
+        1;
+    shares.first = column;
+    double offset = 0;  // one turn, beyond the last column
+    for (double from = phi0; phi1 - from > kSameEdge;) {
+        const double to = std::min(phi1, edges[index(column + 1)] + offset);
+        shares.weights.push_back(to - from);
+        from = to;
+        if (++column == grid.width) column = 0, offset += 2 * pi;
+    }
+    return shares;
+}
+
+template <int kChannels>
+std::vector<float> lat_long_to_lat_long(const Environment& environment, const LatLongGrid& grid,
+                                        const LatLongGrid& to) {
+    if (agree(grid.theta_edges, to.theta_edges) && agree(grid.phi_edges, to.phi_edges)) {
+        return copy_of<kChannels>(environment);
+    }
+    std::vector<Shares> columns;
+    for (int c = 0; c < to.width; ++c) {
+        columns.push_back(columns_of(grid, to.phi_edges[index(c)], to.phi_edges[index(c + 1)]));
+    }
+    std::vector<float> texels(index(to.height) * index(to.width) * kChannels);
+    parallel_for(index(to.height), [&](std::size_t row) {
+        const Shares rows = rows_of(grid, to.theta_edges[row], to.theta_edges[row + 1]);
+        double height = 0;
+        std::vector<Sum<kChannels>> sums(index(grid.width));
+        for (std::size_t i = 0; i < rows.weights.size(); ++i) {
+            height += rows.weights[i];
+            const Vec3* const L =
+                environment.radiance.data() + (index(rows.first) + i) * index(grid.width);
+            for (std::size_t c = 0; c < sums.size(); ++c) {
+                add<kChannels>(sums[c], rows.weights[i], L[c]);
             }
-        };
-        integrate_row_edge(first, bottom);
-        for (int row = first; row < std::min(first + kRowsPerTask, size); ++row) {
-            std::swap(top, bottom);
-            integrate_row_edge(row + 1, bottom);
-            DVec3 left = polar ? integral(0, row, 0, row + 1) : DVec3{0};
-            Vec3* out = texels.data() + (index(static_cast<int>(face)) * n + index(row)) * n;
-            for (int column = 0; column < size; ++column) {
-                const std::size_t c = index(column);
-                DVec3 flux = polar ? top[c] - bottom[c] : bottom[c] - top[c];
-                if (polar) {
-                    const DVec3 right = integral(column + 1, row, column + 1, row + 1);
-                    flux += right - left;
-                    left = right;
+        }
+        float* out = texels.data() + row * index(to.width) * kChannels;
+        for (const Shares& shares : columns) {
+            Sum<kChannels> flux{};
+            double omega = 0;
+            std::size_t c = index(shares.first);
+            for (const double weight : shares.weights) {
+                for (std::size_t k = 0; k < kChannels; ++k) flux[k] += weight * sums[c][k];
+                omega += weight * height;
+                if (++c == sums.size()) c = 0;
+            }
+            store<kChannels>(flux, omega, out);
+            out += kChannels;
+        }
+    });
+    return texels;
+}
+
+// --- cube faces to cube faces
+
+/// Texels of a face's source, along either axis, that share from .. to.
+Shares texels_of(const std::vector<double>& edges, double from, double to) {
+    Shares shares;
+    for (std::size_t i = 0; i + 1 < edges.size(); ++i) {
+        const double shared = std::min(to, edges[i + 1]) - std::max(from, edges[i]);
+        if (shared <= kSameEdge) {
+            if (!shares.weights.empty()) break;
+            continue;
+        }
+        if (shares.weights.empty()) shares.first = static_cast<int>(i);
+        shares.weights.push_back(shared);
+    }
+    return shares;
+}
+
+template <int kChannels>
+std::vector<float> cube_to_cube(const Environment& environment, const CubeGrid& grid, int size) {
+    const std::vector<double> edges = make_cube_grid(size).edges;
+    if (agree(grid.edges, edges)) return copy_of<kChannels>(environment);
+    const std::size_t n = index(size), source = index(grid.size);
+    std::vector<Shares> along;
+    for (std::size_t i = 0; i < n; ++i) {
+        along.push_back(texels_of(grid.edges, edges[i], edges[i + 1]));
+    }
+    std::vector<float> texels(index(cube::kFaceCount) * n * n * kChannels);
+    parallel_for(n, [&](std::size_t row) {
+        for (std::size_t column = 0; column < n; ++column) {
+            std::array<Sum<kChannels>, cube::kFaceCount> flux{};
+            double omega = 0;
+            for (std::size_t i = 0; i < along[row].weights.size(); ++i) {
+                const std::size_t r = index(along[row].first) + i;
+                const double top = std::max(edges[row], grid.edges[r]);
+                const double bottom = std::min(edges[row + 1], grid.edges[r + 1]);
+                for (std::size_t j = 0; j < along[column].weights.size(); ++j) {
+                    const std::size_t c = index(along[column].first) + j;
+                    const double left = std::max(edges[column], grid.edges[c]);
+                    const double right = std::min(edges[column + 1], grid.edges[c + 1]);
+                    const double shared = cube::solid_angle(left, right, top, bottom);
+                    omega += shared;
+                    for (std::size_t face = 0; face < flux.size(); ++face) {
+                        add<kChannels>(flux[face], shared,
+                                       environment.radiance[(face * source + r) * source + c]);
+                    }
                 }
-                const DVec3 value = low + sign * flux / cube::texel_solid_angle(row, column, size);
-                out[c] = Vec3(glm::clamp(value, low, high));
+            }
+            for (std::size_t face = 0; face < flux.size(); ++face) {
+                store<kChannels>(flux[face], omega,
+                                 texels.data() + ((face * n + row) * n + column) * kChannels);
             }
         }
     });
     return texels;
 }
 
-std::vector<Vec3> average_cube(const Environment& environment, const CubeGrid& grid, int size) {
-    const DVec3 low = lowest(environment), high = highest(environment);
-    const std::size_t n = index(size), source = index(grid.size);
-    std::vector<Vec3> texels(index(cube::kFaceCount) * n * n);
-    parallel_for(index(cube::kFaceCount) * n, [&](std::size_t task) {
-        const std::size_t face = task / n;
-        const int row = static_cast<int>(task % n);
-        const double v0 = 2.0 * row / size - 1, v1 = 2.0 * (row + 1) / size - 1;
-        for (int column = 0; column < size; ++column) {
-            const double u0 = 2.0 * column / size - 1, u1 = 2.0 * (column + 1) / size - 1;
-            DVec3 flux{0};
-            for (int r = interval_of(grid.edges, v0); r < grid.size && grid.edges[index(r)] < v1;
-                 ++r) {
-                const double top = std::max(v0, grid.edges[index(r)]);
-                const double bottom = std::min(v1, grid.edges[index(r + 1)]);
-                for (int c = interval_of(grid.edges, u0);
-                     c < grid.size && grid.edges[index(c)] < u1; ++c) {
-                    const double left = std::max(u0, grid.edges[index(c)]);
-                    const double right = std::min(u1, grid.edges[index(c + 1)]);
-                    if (right <= left || bottom <= top) continue;
-                    const DVec3 L(
-                        environment.radiance[(face * source + index(r)) * source + index(c)]);
-                    flux += (L - low) * cube::solid_angle(left, right, top, bottom);
-                }
-            }
-            const DVec3 value = low + flux / cube::texel_solid_angle(row, column, size);
-            texels[task * n + index(column)] = Vec3(glm::clamp(value, low, high));
+// --- cube faces to lat-long
+
+/// The edges of a source's texels on one side of the middle of a face, counted from there.
+struct HalfEdges {
+    std::vector<double> edges{0};
+    int first = 0;  ///< the texel that begins there
+    int step = 1;
+
+    HalfEdges(const CubeGrid& grid, bool positive) : step(positive ? 1 : -1) {
+        const int n = grid.size;
+        for (int i = 0; i <= n; ++i) {
+            const double edge = positive ? grid.edges[index(i)] : -grid.edges[index(n - i)];
+            if (edge > kSameEdge) edges.push_back(edge);
         }
-    });
-    return texels;
+        const int texels = static_cast<int>(edges.size()) - 1;
+        first = positive ? n - texels : texels - 1;
+    }
+};
+
+/// A quarter of a polar face or an eighth of the band of side faces: its texels, row by row, in the
+/// coordinates of a part (grid_overlap.h), and where they lie in the source.
+struct SourcePatch {
+    const HalfEdges *along_i = nullptr, *along_j = nullptr;  ///< Y and Z, or X and Z
+    std::ptrdiff_t first = 0, step_i = 0, step_j = 0;
+
+    SourcePatch(const CubeGrid& grid, const std::array<HalfEdges, 2>& halves, const GridPart& part,
+                bool polar) {
+        // One place in the patch tells which way the axes go.
+        const double i = 0.25, j = 0.5;
+        const auto p = cube::project(polar ? part.to_world(i, 1.0, j) : part.to_world(1.0, i, j));
+        const bool i_is_u = std::abs(p.u) < std::abs(p.v);
+        const HalfEdges& u = halves[p.u > 0];
+        const HalfEdges& v = halves[p.v > 0];
+        along_i = i_is_u ? &u : &v;
+        along_j = i_is_u ? &v : &u;
+        const std::ptrdiff_t n = grid.size;
+        first = (static_cast<std::ptrdiff_t>(p.face) * n + v.first) * n + u.first;
+        step_i = i_is_u ? u.step : v.step * n;
+        step_j = i_is_u ? v.step * n : u.step;
+    }
+    std::size_t texel(std::size_t i, std::size_t j) const {
+        return static_cast<std::size_t>(first + static_cast<std::ptrdiff_t>(i) * step_i +
+                                        static_cast<std::ptrdiff_t>(j) * step_j);
+    }
+};
+
+/// The output's quarters of a hemisphere do not share texels, and so can be filled in parallel. The
+/// overlaps with every source texel are worked out before that, a few columns at a time.
+template <int kChannels>
+class CubeToLatLong {
+  public:
+    CubeToLatLong(const Environment& environment, const CubeGrid& grid, const LatLongGrid& to)
+        : radiance_(environment.radiance.data()),
+          to_(to),
+          groups_(parts_of(to)),
+          halves_{HalfEdges(grid, false), HalfEdges(grid, true)},
+          flux_(index(to.width) * index(to.height)) {
+        for (std::size_t i = 1; i < grid.edges.size(); ++i) {
+            widest_ = std::max(widest_, grid.edges[i] - grid.edges[i - 1]);
+        }
+        const bool symmetric = agree(halves_[0].edges, halves_[1].edges);
+        for (const bool polar : {false, true}) {
+            std::vector<Patch> patches;
+            for (const GridPart& part : groups_.front().parts) {
+                // On polar faces, parts and their mirror images share a quarter.
+                if (polar && part.mirrored) continue;
+                patches.push_back({part, SourcePatch(grid, halves_, part, polar)});
+            }
+            if (symmetric) {
+                add(polar, patches);
+            } else {
+                for (const Patch& patch : patches) add(polar, {patch});
+            }
+        }
+    }
+
+    std::vector<float> run() const {
+        std::vector<float> texels(flux_.size() * kChannels);
+        for (std::size_t row = 0; row < index(to_.height); ++row) {
+            const double theta0 = to_.theta_edges[row], theta1 = to_.theta_edges[row + 1];
+            const double omega = 2 * std::sin((theta0 + theta1) / 2) *
+                                 std::sin((theta1 - theta0) / 2) * 2 * pi / to_.width;
+            for (std::size_t i = row * index(to_.width); i < (row + 1) * index(to_.width); ++i) {
+                store<kChannels>(flux_[i], omega, texels.data() + i * kChannels);
+            }
+        }
+        return texels;
+    }
+
+  private:
+    struct Patch {
+        GridPart part;
+        SourcePatch source;
+    };
+    /// The overlaps of a column of source texels: those of texel i begin at first_run[i].
+    struct Column {
+        Overlap overlap;
+        std::vector<std::size_t> first_run;
+    };
+
+    /// Patches of the same edges.
+    void add(bool polar, const std::vector<Patch>& patches) {
+        const std::vector<double>& along_i = patches.front().source.along_i->edges;
+        const std::vector<double>& along_j = patches.front().source.along_j->edges;
+        constexpr std::size_t kColumnsAtOnce = 32;
+        std::vector<Column> columns(kColumnsAtOnce);
+        for (std::size_t first = 0; first + 1 < along_j.size(); first += kColumnsAtOnce) {
+            const std::size_t count = std::min(kColumnsAtOnce, along_j.size() - 1 - first);
+            parallel_for(count, [&](std::size_t k) {
+                OverlapFinder finder(groups_.front(), widest_);
+                Column& column = columns[k];
+                column.overlap.clear();
+                column.first_run.clear();
+                const double j0 = along_j[first + k], j1 = along_j[first + k + 1];
+                for (std::size_t i = 0; i + 1 < along_i.size(); ++i) {
+                    column.first_run.push_back(column.overlap.runs.size());
+                    if (polar) {
+                        finder.add_polar(along_i[i], along_i[i + 1], j0, j1, column.overlap);
+                    } else {
+                        finder.add_side(j0, j1, along_i[i], along_i[i + 1], column.overlap);
+                    }
+                }
+                column.first_run.push_back(column.overlap.runs.size());
+            });
+            constexpr std::size_t kQuarters = 8;
+            parallel_for(kQuarters, [&](std::size_t quarter) {
+                for (const Patch& patch : patches) {
+                    const int turn =
+                        patch.part.mirrored ? (patch.part.turn + 3) % 4 : patch.part.turn;
+                    if (index(turn + (patch.part.south ? 4 : 0)) != quarter) continue;
+                    for (std::size_t k = 0; k < count; ++k) {
+                        for (std::size_t i = 0; i + 1 < along_i.size(); ++i) {
+                            add(patch, columns[k], i, radiance_[patch.source.texel(i, first + k)]);
+                        }
+                    }
+                }
+            });
+        }
+    }
+
+    void add(const Patch& patch, const Column& column, std::size_t i, const Vec3& L) {
+        const GridPart& part = patch.part;
+        for (std::size_t r = column.first_run[i]; r < column.first_run[i + 1]; ++r) {
+            const Overlap::Run& run = column.overlap.runs[r];
+            const int row = part.first_row + part.row_step * run.row;
+            int c = (part.first_column + part.column_step * run.column) % to_.width;
+            if (c < 0) c += to_.width;
+            // A part never reaches over the seam: it lies at a multiple of 90 degrees.
+            Sum<kChannels>* to = flux_.data() + index(row) * index(to_.width) + c;
+            for (int k = 0; k < run.count; ++k, to += part.column_step) {
+                lighting::add<kChannels>(
+                    *to, column.overlap.solid_angles[run.first + static_cast<std::size_t>(k)], L);
+            }
+        }
+    }
+
+    const Vec3* radiance_;
+    const LatLongGrid& to_;
+    std::vector<GridParts> groups_;  ///< one: the output's width is a multiple of 4
+    std::array<HalfEdges, 2> halves_;
+    double widest_ = 0;
+    std::vector<Sum<kChannels>> flux_;
+};
+
+template <int kChannels>
+std::vector<float> average(const Environment& environment, MipLayout layout, int size) {
+    if (const auto* grid = std::get_if<LatLongGrid>(&environment.grid)) {
+        if (layout == MipLayout::CubeFaces) {
+            return LatLongToCube<kChannels>(environment, *grid, size).run();
+        }
+        return lat_long_to_lat_long<kChannels>(environment, *grid,
+                                               make_lat_long_grid(4 * size, 2 * size));
+    }
+    const auto& grid = std::get<CubeGrid>(environment.grid);
+    if (layout == MipLayout::CubeFaces) return cube_to_cube<kChannels>(environment, grid, size);
+    const LatLongGrid to = make_lat_long_grid(4 * size, 2 * size);
+    return CubeToLatLong<kChannels>(environment, grid, to).run();
 }
 
 }  // namespace
 
-std::vector<Vec3> box_average(const Environment& environment, int face_size) {
-    if (const auto* grid = std::get_if<LatLongGrid>(&environment.grid)) {
-        return average_lat_long(environment, *grid, face_size);
-    }
-    return average_cube(environment, std::get<CubeGrid>(environment.grid), face_size);
+std::vector<float> box_average(const Environment& environment, MipLayout layout, int face_size,
+                               int channels) {
+    return channels == 1 ? average<1>(environment, layout, face_size)
+                         : average<3>(environment, layout, face_size);
 }
 
 }  // namespace envbake::lighting

@@ -61,7 +61,11 @@ std::vector<Mip> bake_mips(const MipsJob& job, const Environment& environment, P
         mip.face_size = face_size_of(job, mip.level);
         mip.perceptual_roughness = job.perceptual_roughness[i];
         if (mip.perceptual_roughness <= 0) {
-            mip.texels = lighting::box_average(environment, mip.face_size);
+            const std::vector<float> values =
+                lighting::box_average(environment, MipLayout::CubeFaces, mip.face_size, 3);
+            for (std::size_t t = 0; t + 2 < values.size(); t += 3) {
+                mip.texels.emplace_back(values[t], values[t + 1], values[t + 2]);
+            }
             mip.error_estimate = kRounding;
             progress.add(mip.texels.size());
         } else {
