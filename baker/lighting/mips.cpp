@@ -18,8 +18,18 @@ namespace {
 /// Rounding of the sums and of the result to float, relative.
 constexpr double kRounding = 2e-6;
 
-int face_size_of(const MipsJob& job, int level) {
-    return std::max(1, job.face_size >> level);
+/// Without texels yet.
+Mip empty_mip(const MipsJob& job, std::size_t i) {
+    const int n = std::max(1, job.face_size >> job.levels[i]);
+    const bool cube = job.layout == MipLayout::CubeFaces;
+    return {.level = job.levels[i],
+            .faces = cube ? 6 : 1,
+            .width = cube ? n : 4 * n,
+            .height = cube ? n : 2 * n,
+            .channels = job.channels,
+            .perceptual_roughness = job.perceptual_roughness[i],
+            .texels = {},
+            .error_estimate = 0};
 }
 
 double alpha_of(float perceptual_roughness) {
@@ -35,51 +45,51 @@ lighting::PrefilterAccuracy accuracy_for(double tolerance) {
     return {.cluster = cluster,
             .horizon = 10 * cluster,
             .extent2 = std::clamp(std::cbrt(6 * tolerance), 0.03, 0.5),
-            .interpolation = 1e-3 * std::min(relative, 5.0)};
+            .interpolation = 1e-3 * std::min(relative, 5.0),
+            .negligible = 1e-6 * relative};
 }
 
 }  // namespace
 
 std::vector<Mip> bake_mips(const MipsJob& job, const Environment& environment, Progress& progress) {
     assert(job.levels.size() == job.perceptual_roughness.size());
+    std::vector<Mip> mips;
     std::uint64_t texels = 0;
     double finest = 1;
     for (std::size_t i = 0; i < job.levels.size(); ++i) {
-        const auto size = static_cast<std::uint64_t>(face_size_of(job, job.levels[i]));
-        texels += 6 * size * size;
-        if (job.perceptual_roughness[i] > 0) {
-            finest = std::min(finest, alpha_of(job.perceptual_roughness[i]));
+        const Mip& mip = mips.emplace_back(empty_mip(job, i));
+        texels += static_cast<std::uint64_t>(mip.faces) * static_cast<std::uint64_t>(mip.width) *
+                  static_cast<std::uint64_t>(mip.height);
+        if (mip.perceptual_roughness > 0) {
+            finest = std::min(finest, alpha_of(mip.perceptual_roughness));
         }
     }
     progress.begin("environment/mips", "texels", texels);
 
     std::optional<lighting::ClusterTree> tree;
-    std::vector<Mip> mips;
-    for (std::size_t i = 0; i < job.levels.size(); ++i) {
-        Mip mip;
-        mip.level = job.levels[i];
-        mip.face_size = face_size_of(job, mip.level);
-        mip.perceptual_roughness = job.perceptual_roughness[i];
+    for (Mip& mip : mips) {
+        const int size = std::max(1, job.face_size >> mip.level);
         if (mip.perceptual_roughness <= 0) {
-            const std::vector<float> values =
-                lighting::box_average(environment, MipLayout::CubeFaces, mip.face_size, 3);
-            for (std::size_t t = 0; t + 2 < values.size(); t += 3) {
-                mip.texels.emplace_back(values[t], values[t + 1], values[t + 2]);
-            }
+            mip.texels = lighting::box_average(environment, job.layout, size, job.channels);
             mip.error_estimate = kRounding;
-            progress.add(mip.texels.size());
-        } else {
-            if (!tree) tree.emplace(environment, lighting::base_extent_for(finest));
-            lighting::Prefiltered result =
-                lighting::prefilter_ggx(*tree, alpha_of(mip.perceptual_roughness), mip.face_size,
-                                        accuracy_for(job.tolerance), progress);
-            mip.texels = std::move(result.texels);
-            // A map without excess over its floor is a constant one, and exact.
-            const bool constant = tree->mean_excess() == DVec3{0};
-            mip.error_estimate =
-                kRounding + (constant ? 0 : std::max(result.error_estimate, job.tolerance / 2));
+            progress.add(mip.texels.size() / static_cast<std::size_t>(mip.channels));
+            continue;
         }
-        mips.push_back(std::move(mip));
+        if (!tree) tree.emplace(environment, lighting::base_extent_for(finest));
+        lighting::Prefiltered result =
+            lighting::prefilter(*tree,
+                                {.distribution = job.distribution,
+                                 .alpha = alpha_of(mip.perceptual_roughness),
+                                 .layout = job.layout,
+                                 .size = size,
+                                 .channels = job.channels,
+                                 .accuracy = accuracy_for(job.tolerance)},
+                                progress);
+        mip.texels = std::move(result.texels);
+        // A map without excess over its floor is a constant one, and exact.
+        const bool constant = tree->mean_excess() == DVec3{0};
+        mip.error_estimate =
+            kRounding + (constant ? 0 : std::max(result.error_estimate, job.tolerance / 2));
     }
     return mips;
 }

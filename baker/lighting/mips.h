@@ -3,7 +3,8 @@
 
 #include "baker/core/progress.h"
 #include "baker/input/environment.h"
-#include "baker/math/vector.h"
+#include "baker/lighting/mip_layout.h"
+#include "envbake/runtime/brdf.h"
 
 #include <vector>
 
@@ -11,18 +12,23 @@ namespace envbake {
 
 /// Specular mips of the environment. Running a job takes no further decisions.
 struct MipsJob {
-    int face_size = 256;  ///< edge of mip 0, texels; mip k has max(1, face_size >> k)
+    int face_size = 256;  ///< of mip 0; mip k has the n = max(1, face_size >> k) of MipLayout
     std::vector<float> perceptual_roughness;  ///< one per mip to bake, rising; 0 is the mirror
     std::vector<int> levels;                  ///< the mip index k of each entry above
     double tolerance = 1e-2;  ///< worst |v - r| / (r + 1e-3 mean) over texels and channels
+    runtime::Distribution distribution = runtime::Distribution::Ggx;
+    MipLayout layout = MipLayout::CubeFaces;
+    int channels = 3;  ///< 1: the map is grey, red stands for all
 };
 
-/// "environment/mips/K": prefiltered radiance, [6, face_size, face_size, 3] row by row.
+/// "environment/mips/K": prefiltered radiance, row by row.
 struct Mip {
     int level = 0;
-    int face_size = 0;
+    int faces = 6;              ///< 6, or 1: a lat-long image
+    int width = 0, height = 0;  ///< of a face, or of the image
+    int channels = 3;
     float perceptual_roughness = 0;
-    std::vector<Vec3> texels;
+    std::vector<float> texels;  ///< [faces, height, width, channels]
     /// In the norm of MipsJob::tolerance. Calibrated, not proved: sums of the estimates of the
     /// worst tile, with factors that keep it above the worst of the texels compared with brute
     /// force on photographs and synthetic skies, and never under half the tolerance. On maps made
@@ -31,9 +37,9 @@ struct Mip {
     double error_estimate = 0;
 };
 
-/// GGX, N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), at the
-/// centre of every texel, straight from the source texels: any grid, any size of map, face and mip.
-/// Mip 0 (roughness 0) is the box average of the source over the texel.
+/// N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), at the centre
+/// of every texel, straight from the source texels: any grid, any size of map and mip. Mip 0
+/// (roughness 0) is the box average of the source over the texel.
 ///
 /// Roughness is clamped to [1e-3, 1] where it is not 0. Results are finite, and between the least
 /// and the greatest radiance of their channel; a constant map stays constant.

@@ -3,7 +3,8 @@
 
 #include "baker/core/progress.h"
 #include "baker/lighting/cluster_tree.h"
-#include "baker/math/vector.h"
+#include "baker/lighting/mip_layout.h"
+#include "envbake/runtime/brdf.h"
 
 #include <vector>
 
@@ -14,19 +15,29 @@ namespace envbake::lighting {
 struct PrefilterAccuracy {
     double cluster = 3e-5;        ///< largest error from the curvature of the weight
     double horizon = 2e-4;        ///< largest error of a source that the horizon cuts
-    double extent2 = 0.2;         ///< largest (extent / l)^2, l^2 = lobe^2 + distance^2
+    double extent2 = 0.2;         ///< largest (extent / l)^2, l the lobe's scale there
     double interpolation = 1e-3;  ///< largest error of interpolation within a tile
+    double negligible = 1e-6;     ///< largest source left out, where the lobe's tail ends
+};
+
+struct PrefilterJob {
+    runtime::Distribution distribution = runtime::Distribution::Ggx;
+    double alpha = 1;  ///< (0, 1]
+    MipLayout layout = MipLayout::CubeFaces;
+    int size = 1;      ///< the n of MipLayout
+    int channels = 3;  ///< 1: only red is looked at
+    PrefilterAccuracy accuracy;
 };
 
 struct Prefiltered {
-    std::vector<Vec3> texels;   ///< faces in order, rows from the top
+    std::vector<float> texels;  ///< [faces, height, width, channels]
     double error_estimate = 0;  ///< of the worst tile: calibrated sums of its sources' estimates
 };
 
 /// Extent of the smallest block of texels that a lobe of this width asks of the tree, radians.
 double base_extent_for(double alpha);
 
-/// Prefiltered radiance at the centre of every texel of six faces, straight from the source.
+/// Prefiltered radiance at the centre of every texel, straight from the source.
 ///
 /// For each tile of texels the tree is walked once. A source is accepted as soon as its estimated
 /// error is below the tolerance, relative to what the darkest part of the tile receives: the sun is
@@ -35,10 +46,7 @@ double base_extent_for(double alpha);
 /// evaluated at 8 x 8 Chebyshev points and interpolated, but for those too close or too bright for
 /// that. A lobe narrower than an output texel is walked for each texel by itself, in double.
 ///
-///   alpha   (0, 1]
-///
 /// Threads: tiles in parallel; a tile's sum has one order, so the same bits on any number.
-Prefiltered prefilter_ggx(const ClusterTree& tree, double alpha, int face_size,
-                          const PrefilterAccuracy& accuracy, Progress& progress);
+Prefiltered prefilter(const ClusterTree& tree, const PrefilterJob& job, Progress& progress);
 
 }  // namespace envbake::lighting

@@ -1,36 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "baker/lighting/lobe_weight.h"
+
 #include <cmath>
-#include <numbers>
 
 namespace envbake::lighting {
-
-/// The weight of a prefiltered texel, N = V = R, as a function of mu = d.w alone:
-///
-///     D(h) max(0, n.l) ~ t^2 max(0, mu),  t = 1 / (A + b u),  u = 1 - mu,  A = alpha^2,  b = (1 -
-///     A) / 2
-///
-/// GGX with n.h = cos(theta / 2) and the constant factor A / pi left out; `norm` is the integral of
-/// the above over the sphere, 2 pi / b^2 (x - ln(1 + x)), x = b / A, and pi at alpha = 1.
-template <class S>
-struct GgxWeight {
-    S A = 1;
-    S b = 0;
-    S inverse_norm = 1;
-
-    static GgxWeight of(double alpha) {
-        const double a = alpha * alpha;
-        const double half = (1 - a) / 2;
-        const double x = half / a;
-        // x - ln(1 + x) over x^2, by its series where the difference would cancel.
-        const double ratio =
-            x < 1e-2 ? 0.5 - x * (1.0 / 3 - x * (1.0 / 4 - x * (1.0 / 5 - x * (1.0 / 6 - x / 7))))
-                     : (x - std::log1p(x)) / (x * x);
-        const double norm = 2 * std::numbers::pi / (a * a) * ratio;
-        return {static_cast<S>(a), static_cast<S>(half), static_cast<S>(1 / norm)};
-    }
-};
 
 /// Many texels as one: per channel the moments of radiance about a common centre. Central second
 /// moments are kept whole, the radial part too.
@@ -91,55 +66,46 @@ inline Cosine<Real> cosine_over_parallelogram(const Real& mu, Real p, Real q, S 
     return {d > zero ? mu : inside, d > zero ? zero + S(1) : slope};
 }
 
-/// Adds the cluster's part of a texel looking along d, times `norm`, to sum[3].
+/// Adds the cluster's part of a texel looking along d, times the lobe's norm, to sum[kChannels].
 ///
 /// Taylor series of the weight in mu about d.centre: exact moments to second order; in the third
 /// and fourth the cluster is taken for a uniform square of the same variance (averaged over its
 /// orientation: E3 = -1.2 mu V T, E4 = 2.1 T^2, T = V (1 - mu^2)).
 ///
 ///   u is |d - c|^2 / 2 + V, which is 1 - d.c without the cancellation.
-template <bool kHorizon, class Real, class S>
-inline void add_cluster(const GgxWeight<S>& k, const ClusterMoments<S>& n, const Real& dx,
+template <bool kHorizon, int kChannels, class Weight, class Real, class S>
+inline void add_cluster(const Weight& weight, const ClusterMoments<S>& n, const Real& dx,
                         const Real& dy, const Real& dz, Real* sum) {
     const Real x = dx - n.centre[0], y = dy - n.centre[1], z = dz - n.centre[2];
     const Real u = (x * x + y * y + z * z) * S(0.5) + n.variance;
     const Real mu = S(1) - u;
-    const Real t = S(1) / (u * k.b + k.A);
-    const Real t2 = t * t;
-    const Real yy = t * k.b;
     Real cosine = mu, slope = Real{} + S(1);
     if constexpr (kHorizon) {
         const Cosine<Real> c = cosine_over_interval<Real, S>(mu, std::sqrt(S(3) * n.variance));
         cosine = c.mean;
         slope = c.slope;
     }
-    const Real y_cosine = yy * cosine;
+    const WeightTerms<Real> k = weight.template terms<Real>(u, cosine, slope);
     const Real spread = u * (S(2) - u) * n.variance;  // T
-    const Real higher = yy * yy * spread *
-                        (spread * yy * (y_cosine * S(5) + slope * S(4)) * S(2.1) -
-                         mu * (y_cosine * S(4) + slope * S(3)) * (S(1.2) * n.variance));
-    const Real zeroth = t2 * (cosine + higher);
-    const Real linear = t2 * (slope + S(2) * y_cosine);
-    const Real quadratic = t2 * yy * (S(2) * slope + S(3) * y_cosine);
-    const Real xx = dx * dx, y2 = dy * dy, zz = dz * dz, xy = dx * dy, xz = dx * dz, yz = dy * dz;
-    for (int c = 0; c < 3; ++c) {
+    const Real zeroth =
+        k.k0 + spread * (k.k4 * spread * S(2.1) - mu * k.k3 * (S(1.2) * n.variance));
+    const Real xx = dx * dx, yy = dy * dy, zz = dz * dz, xy = dx * dy, xz = dx * dz, yz = dy * dz;
+    for (int c = 0; c < kChannels; ++c) {
         const S* m = n.first[c];
         const S* q = n.second[c];
-        sum[c] += zeroth * n.flux[c] + linear * (dx * m[0] + dy * m[1] + dz * m[2]) +
-                  quadratic * (xx * q[0] + y2 * q[1] + zz * q[2] +
-                               (xy * q[3] + xz * q[4] + yz * q[5]) * S(2));
+        sum[c] +=
+            zeroth * n.flux[c] + k.k1 * (dx * m[0] + dy * m[1] + dz * m[2]) +
+            k.k2 * (xx * q[0] + yy * q[1] + zz * q[2] + (xy * q[3] + xz * q[4] + yz * q[5]) * S(2));
     }
 }
 
 /// The same for a patch, whose second and fourth moments are those of its own parallelogram.
-template <bool kHorizon, class Real, class S>
-inline void add_patch(const GgxWeight<S>& k, const PatchMoments<S>& n, const Real& dx,
+template <bool kHorizon, int kChannels, class Weight, class Real, class S>
+inline void add_patch(const Weight& weight, const PatchMoments<S>& n, const Real& dx,
                       const Real& dy, const Real& dz, Real* sum) {
     const Real x = dx - n.centre[0], y = dy - n.centre[1], z = dz - n.centre[2];
     const Real u = (x * x + y * y + z * z) * S(0.5) + n.variance;
     const Real mu = S(1) - u;
-    const Real t = S(1) / (u * k.b + k.A);
-    const Real yy = t * k.b;
     const Real p = dx * n.half_a[0] + dy * n.half_a[1] + dz * n.half_a[2];
     const Real q = dx * n.half_b[0] + dy * n.half_b[1] + dz * n.half_b[2];
     Real cosine = mu, slope = Real{} + S(1);
@@ -149,16 +115,13 @@ inline void add_patch(const GgxWeight<S>& k, const PatchMoments<S>& n, const Rea
         cosine = c.mean;
         slope = c.slope;
     }
-    const Real y_cosine = yy * cosine;
+    const WeightTerms<Real> k = weight.template terms<Real>(u, cosine, slope);
     const Real p2 = p * p, q2 = q * q;
     const Real second = (p2 + q2) * S(1.0 / 3) + S(0.4) * n.variance * n.variance;
     const Real third = mu * (p2 + q2) * (S(-0.4) * n.variance);
     const Real fourth = (p2 * p2 + q2 * q2) * S(0.2) + p2 * q2 * S(2.0 / 3);
-    const Real weight = t * t *
-                        (cosine + yy * ((S(2) * slope + S(3) * y_cosine) * second +
-                                        yy * ((S(3) * slope + S(4) * y_cosine) * third +
-                                              yy * (S(4) * slope + S(5) * y_cosine) * fourth)));
-    for (int c = 0; c < 3; ++c) sum[c] += weight * n.flux[c];
+    const Real total = k.k0 + k.k2 * second + k.k3 * third + k.k4 * fourth;
+    for (int c = 0; c < kChannels; ++c) sum[c] += total * n.flux[c];
 }
 
 }  // namespace envbake::lighting

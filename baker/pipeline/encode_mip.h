@@ -9,7 +9,7 @@
 
 namespace envbake {
 
-/// A mip as half floats: [6, size, size, 3].
+/// A mip as half floats, in the order of Mip::texels.
 struct HalfMip {
     std::vector<format::Half> texels;
     double error = 0;  ///< worst |half - v| / (v + 1e-3 mean)

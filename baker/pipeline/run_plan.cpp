@@ -104,10 +104,10 @@ class Run {
     }
 
     Expected<void> store(const std::string& name, const Mip& mip) {
-        const auto size = static_cast<std::uint64_t>(mip.face_size);
+        const auto size = static_cast<std::uint64_t>(mip.width);
         const std::vector<std::uint64_t> shape{6, size, size, 3};
-        report_.mip_levels.push_back({mip.level, mip.face_size, mip.perceptual_roughness});
-        StoredArrays::Mip stored{mip.level, mip.face_size, {}};
+        report_.mip_levels.push_back({mip.level, mip.width, mip.perceptual_roughness});
+        StoredArrays::Mip stored{mip.level, mip.width, {}};
         double error = mip.error_estimate;
         // A tenth of the tolerance is what half floats may add.
         if (const auto half =
@@ -117,8 +117,7 @@ class Run {
                 stored.texels.push_back(runtime::half_to_float(h.bits));
             ENVBAKE_TRY_VOID(add<format::Half>(name, shape, half->texels, codec()));
         } else {
-            for (const Vec3& texel : mip.texels)
-                stored.texels.insert(stored.texels.end(), {texel.x, texel.y, texel.z});
+            stored.texels = mip.texels;
             ENVBAKE_TRY_VOID(add<float>(name, shape, stored.texels, codec()));
         }
         report_.array_errors[name] = {error,

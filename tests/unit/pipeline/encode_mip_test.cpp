@@ -8,8 +8,8 @@ namespace {
 
 Mip mip_of(float value) {
     Mip mip;
-    mip.face_size = 1;
-    mip.texels.assign(6, Vec3(value));
+    mip.width = mip.height = 1;
+    mip.texels.assign(18, value);
     return mip;
 }
 

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/math/exponential.h"
+#include "baker/math/quadrature.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+
+namespace envbake::lighting {
+
+// The weight of a prefiltered texel, N = V = R, is a function of mu = d.w alone, the cosine between
+// the texel's direction and the light's:
+//
+//     K(mu) = D(mu) max(0, mu),   D the distribution of normals at n.h = cos(theta / 2),
+//
+// up to a constant factor; 1 / inverse_norm is the integral of K over the sphere. Both lobes below
+// have the members that the walk and the kernels ask for.
+
+/// Taylor coefficients of K about mu, orders 0 to 4 (derivatives over factorials).
+template <class Real>
+struct WeightTerms {
+    Real k0, k1, k2, k3, k4;
+};
+
+/// What a lobe is at some distance from its axis.
+template <class S>
+struct WeightNearby {
+    S density;         ///< D
+    S inverse_length;  ///< 1 / l: D changes by its own size over l
+};
+
+/// GGX, [Walter07] eq. 33, without the factor A / pi:
+///
+///     D = t^2,  t = 1 / (A + b u),  u = 1 - mu,  A = alpha^2,  b = (1 - A) / 2
+///
+/// norm = 2 pi / b^2 (x - ln(1 + x)), x = b / A, and pi at alpha = 1.
+template <class S>
+struct GgxWeight {
+    S A = 1;
+    S b = 0;
+    S inverse_norm = 1;
+
+    static GgxWeight of(double alpha) {
+        const double a = alpha * alpha;
+        const double half = (1 - a) / 2;
+        const double x = half / a;
+        // x - ln(1 + x) over x^2, by its series where the difference would cancel.
+        const double ratio =
+            x < 1e-2 ? 0.5 - x * (1.0 / 3 - x * (1.0 / 4 - x * (1.0 / 5 - x * (1.0 / 6 - x / 7))))
+                     : (x - std::log1p(x)) / (x * x);
+        const double norm = 2 * std::numbers::pi / (a * a) * ratio;
+        return {static_cast<S>(a), static_cast<S>(half), static_cast<S>(1 / norm)};
+    }
+
+    /// `cosine` and `slope` stand for max(0, mu) and its derivative.
+    template <class Real>
+    WeightTerms<Real> terms(const Real& u, const Real& cosine, const Real& slope) const {
+        const Real t = S(1) / (u * b + A);
+        const Real y = t * b;
+        const Real d0 = t * t, d1 = d0 * y, d2 = d1 * y, d3 = d2 * y;
+        const Real y_cosine = y * cosine;
+        return {d0 * cosine, d0 * (slope + S(2) * y_cosine), d1 * (S(2) * slope + S(3) * y_cosine),
+                d2 * (S(3) * slope + S(4) * y_cosine), d3 * (S(4) * slope + S(5) * y_cosine)};
+    }
+
+    WeightNearby<S> nearby(S distance) const {
+        const S t = 1 / (A + b * distance * distance / 2);
+        return {t * t, std::sqrt(b * t / 2)};
+    }
+    S density_at_horizon() const { return 1 / ((A + b) * (A + b)); }
+    /// How far the lobe's core reaches, as a chord.
+    double core() const { return std::sqrt(2 * static_cast<double>(A) / least_b()); }
+
+    /// A block of this extent serves the coarse front: (extent / l)^2.
+    static constexpr double kFrontExtent2 = 1;
+    /// The tail falls so slowly that no source is too far to matter.
+    static constexpr bool kTailEnds = false;
+    /// Interpolation from 8 Chebyshev points over +-half_width, relative to `near`: a pole at
+    /// distance l is missed by 4 n rho^-n.
+    S missed(const WeightNearby<S>& near, S half_width) const {
+        const S x = near.inverse_length > 0 ? 1 / (near.inverse_length * half_width) : S(1e3);
+        const S rho = x + std::sqrt(1 + x * x);
+        const S rho2 = rho * rho, rho4 = rho2 * rho2;
+        return near.density * 32 / (rho4 * rho4);
+    }
+
+  private:
+    double least_b() const { return std::max(static_cast<double>(b), 1e-3); }
+};
+
+/// Beckmann, [Walter07] eq. 25, without the factor 1 / (pi A):
+///
+///     D = exp(-(i - 1) / A) i^2,  i = 2 / (1 + mu) = 1 / cos^2(theta / 2)
+///
+/// Its Taylor coefficients in mu are (-i / 2)^n L_n^(1)(i / A), generalised Laguerre polynomials,
+/// by their generating function, [Abramowitz64] 22.9.15. With x = tan^2(theta / 2), norm = 4 pi *
+/// integral over x in [0, 1] of exp(-x / A) (1 - x) / (1 + x).
+template <class S>
+struct BeckmannWeight {
+    S inverse_A = 1;
+    S alpha = 1;
+    S inverse_norm = 1;
+
+    static BeckmannWeight of(double alpha) {
+        const double a = alpha * alpha;
+        // exp(-40) of the weight is left out; 48 nodes are exact to rounding (measured).
+        const double last = std::min(1.0, 40 * a);
+        const Quadrature rule = gauss_legendre(48);
+        double integral = 0;
+        for (std::size_t i = 0; i < rule.nodes.size(); ++i) {
+            const double x = last * (1 + rule.nodes[i]) / 2;
+            integral += rule.weights[i] * std::exp(-x / a) * (1 - x) / (1 + x);
+        }
+        const double norm = 2 * std::numbers::pi * last * integral;
+        return {static_cast<S>(1 / a), static_cast<S>(alpha), static_cast<S>(1 / norm)};
+    }
+
+    template <class Real>
+    WeightTerms<Real> terms(const Real& u, const Real& cosine, const Real& slope) const {
+        const Real most = Real{} + kMost;
+        const Real v = u < most ? u : most;
+        const Real i = S(2) / (S(2) - v);
+        const Real d0 = exponential(v * i * (S(-0.5) * inverse_A)) * i * i;
+        const Real x = i * inverse_A, y = i * S(-0.5);
+        const Real d1 = d0 * y, d2 = d1 * y, d3 = d2 * y, d4 = d3 * y;
+        const Real l1 = S(2) - x;
+        const Real l2 = S(3) + x * (x * S(0.5) - S(3));
+        const Real l3 = S(4) + x * (x * (S(2) - x * S(1.0 / 6)) - S(6));
+        const Real l4 = S(5) + x * (x * (S(5) + x * (x * S(1.0 / 24) - S(5.0 / 6))) - S(10));
+        return {d0 * cosine, d0 * slope + d1 * l1 * cosine, d1 * l1 * slope + d2 * l2 * cosine,
+                d2 * l2 * slope + d3 * l3 * cosine, d3 * l3 * slope + d4 * l4 * cosine};
+    }
+
+    WeightNearby<S> nearby(S distance) const {
+        const S u = std::min(distance * distance / 2, kMost);
+        const S i = 2 / (2 - u);
+        return {std::exp(-u * i / 2 * inverse_A) * i * i,
+                S(1 / std::numbers::sqrt2) / alpha + distance * i * i / 2 * inverse_A};
+    }
+    S density_at_horizon() const { return 4 * std::exp(-inverse_A); }
+    double core() const { return 2 * static_cast<double>(alpha); }
+
+    static constexpr double kFrontExtent2 = 4;
+    static constexpr bool kTailEnds = true;
+    /// A Gaussian of width sqrt(2) alpha is missed by some (half_width / width)^8.
+    S missed(const WeightNearby<S>& near, S half_width) const {
+        const S x = half_width / alpha;
+        const S x2 = x * x, x4 = x2 * x2;
+        return near.density * S(1e-4) * x4 * x4;
+    }
+
+  private:
+    static constexpr S kMost = S(1.9);  ///< of u: behind the horizon, where the cosine is 0
+};
+
+}  // namespace envbake::lighting
