@@ -10,36 +10,38 @@ namespace envbake {
 
 struct BrdfTableJob {
     int size = 64;  ///< texels along each axis, >= 2
-    runtime::TableAxes axes = runtime::TableAxes::SqrtEndPoints;
+    runtime::TableAxes axes = runtime::TableAxes::RootsEndPoints;
+    runtime::Distribution distribution = runtime::Distribution::Ggx;
 };
 
-/// "brdf/ggx", [roughness, n.v, 2]: A and B with specular albedo = R0 A + B.
+/// Sharper lobes are looked up worse by any table: where r and n.v both approach 0, A + B depends
+/// on n.v / r^2 alone, so that a corner of texels holds the whole dip of 0.1 however small it is.
+/// Renderers do not go there: this is the least roughness they use.
+inline constexpr double kSharpestRoughness = 0.045;
+
+/// "brdf/ggx" or "brdf/beckmann", [roughness, n.v, 2]: A and B with specular albedo = R0 A + B.
 ///
-/// The errors are absolute, worst of A and B, and measured on fixed pseudo-random samples.
+/// Errors are absolute, the worse of A and B.
 struct BrdfTable {
     int size = 0;
-    std::vector<Vec2> texels;     ///< size * size, roughness-major
-    double texel_error = 0;       ///< worst |stored - brdf_integral| over 64 texels
-    double lookup_error = 0;      ///< worst |bilinear look-up - true| over 4096 (n.v, roughness)
-    double lookup_error_rms = 0;  ///< root mean square of the same
+    std::vector<Vec2> texels;  ///< size * size, roughness-major
+    /// Of every row: 2 integral of (A + B) n.v d(n.v), the average over the hemisphere. Error 1e-6.
+    std::vector<float> average_albedo;
+
+    double texel_error = 0;  ///< worst |stored - albedo_integral| over 48 texels
+
+    // Of a bilinear look-up, measured at 3072 random (n.v, r) and in the middle of 1024 cells of
+    // small n.v and r, where it is worst.
+    double lookup_error = 0;        ///< worst for r >= kSharpestRoughness, at any n.v
+    double lookup_error_rms = 0;    ///< of the random points of such r
+    double sharp_lookup_error = 0;  ///< worst for the sharper lobes
 };
 
-/// The split-sum table of GGX with height-correlated Smith, by Gauss-Legendre quadrature over the
-/// half vector (terms: runtime/brdf.h).
+/// The split-sum table: albedo_integral.h at every texel, rounded to float.
 ///
-///     A(n.v, r) = integral of f/F (1 - (1 - v.h)^5) n.l dl,   B the same with (1 - v.h)^5
-///
-/// 0 <= A, B and A + B <= 1 hold for every texel. Measured over 128 x 128 texels of either axes:
-/// within 5e-7 of the truth. O(size^2), 1120 points a texel, in float with sums in double; texels
-/// in parallel, the same bits on any number of threads.
+/// 0 <= A, B and A + B <= 1 hold for every texel. Every texel of 128 x 128, of either lobe and
+/// axes, was compared with the reference: within 1e-6. O(size^2); the same bits on any number of
+/// threads.
 BrdfTable bake_brdf_table(const BrdfTableJob& job);
-
-/// One entry in double, by the same rule with more nodes: A and B.
-///
-///   n_dot_v, perceptual_roughness   in [0, 1]; at 0 the one-sided limits:
-///       roughness 0   a mirror: ((1 - (1 - n.v)^5), (1 - n.v)^5)
-///       n.v 0         nothing is masked: A + B = 1
-///   nodes   of each one-dimensional rule; 48 reaches 1e-9 everywhere and 1e-12 for r > 0.3
-DVec2 brdf_integral(double n_dot_v, double perceptual_roughness, int nodes = 48);
 
 }  // namespace envbake

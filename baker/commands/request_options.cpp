@@ -34,7 +34,7 @@ void declare_request(CLI::App& app, BakeRequest& request) {
     app.add_option_function<std::string>(
            "--table-axes",
            [&request](const std::string& name) {
-               request.table_axes = name == "sqrt" ? runtime::TableAxes::SqrtEndPoints
+               request.table_axes = name == "sqrt" ? runtime::TableAxes::RootsEndPoints
                                                    : runtime::TableAxes::LinearCentres;
            },
            "sqrt: sqrt(n.v), sqrt(r), end points stored; linear: n.v, r, texel centres")

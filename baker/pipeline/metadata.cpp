@@ -17,11 +17,11 @@ double rounded(double value) {
 }
 
 const char* axes_name(runtime::TableAxes axes) {
-    return axes == runtime::TableAxes::SqrtEndPoints ? "sqrt" : "linear";
+    return axes == runtime::TableAxes::RootsEndPoints ? "sqrt" : "linear";
 }
 
 const char* axes_in_words(runtime::TableAxes axes) {
-    return axes == runtime::TableAxes::SqrtEndPoints
+    return axes == runtime::TableAxes::RootsEndPoints
                ? "texel (i, j) of n holds roughness (i / (n - 1))^2 and n.v (j / (n - 1))^2"
                : "texel (i, j) of n holds roughness (i + 1/2) / n and n.v (j + 1/2) / n";
 }

@@ -162,7 +162,7 @@ DVec3 sample_mips(const StoredArrays& arrays, const DVec3& w, double roughness) 
 DVec2 sample_table(const StoredArrays& arrays, double n_dot_v, double roughness) {
     const int n = arrays.table_size;
     const auto coordinate = [&](double value) {
-        const double x = arrays.table_axes == runtime::TableAxes::SqrtEndPoints
+        const double x = arrays.table_axes == runtime::TableAxes::RootsEndPoints
                              ? std::sqrt(value) * (n - 1)
                              : value * n - 0.5;
         return std::clamp(x, 0.0, n - 1.0);

@@ -24,7 +24,7 @@ struct StoredArrays {
 
     int table_size = 0;
     std::vector<float> table;  ///< [roughness, n.v, 2]
-    runtime::TableAxes table_axes = runtime::TableAxes::SqrtEndPoints;
+    runtime::TableAxes table_axes = runtime::TableAxes::RootsEndPoints;
 
     struct Vertex {
         std::uint32_t mesh = 0;

@@ -19,7 +19,7 @@ struct BakeRequest {
     int mip_size = 256;       ///< face edge of mip 0, texels
     int mip_count = 5;        ///< mip k of n holds roughness k / (n - 1)
     int table_size = 64;      ///< texels along each axis of the BRDF table
-    runtime::TableAxes table_axes = runtime::TableAxes::SqrtEndPoints;
+    runtime::TableAxes table_axes = runtime::TableAxes::RootsEndPoints;
     bool unshadowed = false;  ///< also bake "mesh/I/unshadowed"
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;

@@ -276,8 +276,8 @@ format::Expected<void> Bundle::resolve_brdf(const LobeNames& names, BrdfTableVie
     const std::optional<JsonCursor> field = JsonCursor(reader_.metadata()).find(names.axes);
     const std::optional<std::string_view> axes =
         field ? field->string() : std::optional<std::string_view>{};
-    if (axes == "sqrt") {
-        brdf.axes = TableAxes::SqrtEndPoints;
+    if (axes == "roots") {
+        brdf.axes = TableAxes::RootsEndPoints;
     } else if (axes == "linear") {
         brdf.axes = TableAxes::LinearCentres;
     } else {

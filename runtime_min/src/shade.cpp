@@ -87,8 +87,8 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
 SpecularAlbedo lookup_brdf(const BrdfTableView& table, float n_dot_v,
                            float perceptual_roughness) noexcept {
     if (table.rows == 0) return {};
-    const float x = table_position(table.axes, clamp(n_dot_v, 0, 1), table.columns);
-    const float y = table_position(table.axes, clamp(perceptual_roughness, 0, 1), table.rows);
+    const float x = table_position(table.axes, TableAxis::NDotV, clamp(n_dot_v, 0, 1), table.columns);
+    const float y = table_position(table.axes, TableAxis::Roughness, clamp(perceptual_roughness, 0, 1), table.rows);
     const int column = std::min(static_cast<int>(x), table.columns - 2);
     const int row = std::min(static_cast<int>(y), table.rows - 2);
     const float fx = x - static_cast<float>(column), fy = y - static_cast<float>(row);
@@ -107,7 +107,7 @@ SpecularAlbedo lookup_brdf(const BrdfTableView& table, float n_dot_v,
 
 float lookup_average_albedo(const BrdfTableView& table, float perceptual_roughness) noexcept {
     if (table.average_albedo.count == 0) return 0;
-    const float y = table_position(table.axes, clamp(perceptual_roughness, 0, 1), table.rows);
+    const float y = table_position(table.axes, TableAxis::Roughness, clamp(perceptual_roughness, 0, 1), table.rows);
     const int row = std::min(static_cast<int>(y), table.rows - 2);
     const float fy = y - static_cast<float>(row);
     const auto i = static_cast<std::uint64_t>(row);

@@ -140,7 +140,7 @@ TEST(BrdfIntegral, MatchesTheDefinition) {
 
 class Table : public testing::TestWithParam<TableAxes> {};
 INSTANTIATE_TEST_SUITE_P(Axes, Table,
-                         testing::Values(TableAxes::SqrtEndPoints, TableAxes::LinearCentres));
+                         testing::Values(TableAxes::RootsEndPoints, TableAxes::LinearCentres));
 
 TEST_P(Table, EveryTexelIsTrueAndAnAlbedo) {
     for (const int size : {2, 3, 21}) {
@@ -151,7 +151,7 @@ TEST_P(Table, EveryTexelIsTrueAndAnAlbedo) {
         for (int row = 0; row < size; ++row) {
             for (int column = 0; column < size; ++column) {
                 // Positions written out: what the metadata promises, not what the code computes.
-                const bool sqrt_axes = GetParam() == TableAxes::SqrtEndPoints;
+                const bool sqrt_axes = GetParam() == TableAxes::RootsEndPoints;
                 const auto at = [&](int i) {
                     return sqrt_axes ? std::pow(i / (size - 1.0), 2) : (i + 0.5) / size;
                 };
@@ -180,7 +180,7 @@ TEST_P(Table, LookUpErrorIsMeasuredNotFlattered) {
         // An R2 sequence, [Roberts18].
         const double mu = std::fmod(0.5 + 0.7548776662466927 * i, 1) * (i % 3 == 0 ? 0.1 : 1.0);
         const double r = std::fmod(0.5 + 0.5698402909980532 * i, 1);
-        const bool sqrt_axes = GetParam() == TableAxes::SqrtEndPoints;
+        const bool sqrt_axes = GetParam() == TableAxes::RootsEndPoints;
         const auto place = [&](double x) {
             return std::clamp(sqrt_axes ? std::sqrt(x) * 31 : x * 32 - 0.5, 0.0, 31.0);
         };

@@ -47,7 +47,7 @@ const char* const kMetadata = R"({
     {"level": 0, "face_size": 8, "roughness": 0},
     {"level": 1, "face_size": 4, "roughness": 0.5},
     {"level": 2, "face_size": 2, "roughness": 1}]}},
-  "brdf": {"ggx": {"axes": "sqrt"}},
+  "brdf": {"ggx": {"axes":"roots"}},
   "meshes": [{"node": 0, "mesh": 0, "primitive": 0, "vertex_count": 2}],
   "self_test": {"tolerance": 1e-3}})";
 

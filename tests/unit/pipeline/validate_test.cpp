@@ -40,7 +40,7 @@ class Validate : public ::testing::Test {
         bool diffuse_as_u32 = false;
         std::string metadata =
             R"({"environment":{"mips":{"count":1,"levels":[{"level":0,"face_size":1,"roughness":0}]}},
-                "brdf":{"ggx":{"axes":"sqrt"}},
+                "brdf":{"ggx":{"axes":"roots"}},
                 "meshes":[{"node":0,"mesh":0,"primitive":0,"vertex_count":2}],
                 "self_test":{"tolerance":1e-3}})";
         bool with_metadata = true;
@@ -257,7 +257,7 @@ TEST_F(Validate, TheSelfTestsToleranceMayBeItsLargest) {
 TEST_F(Validate, WithoutAnEnvironmentNothingNeedBeAsked) {
     Content content;
     content.with_environment = false;
-    content.metadata = R"({"brdf":{"ggx":{"axes":"sqrt"}},
+    content.metadata = R"({"brdf":{"ggx":{"axes":"roots"}},
         "meshes":[{"node":0,"mesh":0,"primitive":0,"vertex_count":2}]})";
     EXPECT_EQ(codes(content), Codes{});
 }

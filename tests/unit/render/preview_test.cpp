@@ -80,7 +80,7 @@ class TestBundle {
             metadata +=
                 R"(,"environment":{"mips":{"count":1,"levels":[{"level":0,"face_size":1,"roughness":0}]}})";
         }
-        if (!contents.table.empty()) metadata += R"(,"brdf":{"ggx":{"axes":"sqrt"}})";
+        if (!contents.table.empty()) metadata += R"(,"brdf":{"ggx":{"axes":"roots"}})";
         metadata += "}";
         ASSERT_TRUE(writer->add(
             "metadata", {metadata.size()},

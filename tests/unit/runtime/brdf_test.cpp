@@ -65,7 +65,7 @@ TEST(Schlick, EndsAndMiddle) {
 }
 
 TEST(TableAxes, PositionsInvertValues) {
-    for (const TableAxes axes : {TableAxes::SqrtEndPoints, TableAxes::LinearCentres}) {
+    for (const TableAxes axes : {TableAxes::RootsEndPoints, TableAxes::LinearCentres}) {
         for (const int size : {2, 17, 128}) {
             for (int i = 0; i < size; ++i) {
                 EXPECT_NEAR(table_position(axes, table_value<double>(axes, i, size), size), i,
@@ -76,7 +76,7 @@ TEST(TableAxes, PositionsInvertValues) {
             EXPECT_EQ(table_position(axes, std::nan(""), size), 0);
         }
     }
-    EXPECT_DOUBLE_EQ(table_value<double>(TableAxes::SqrtEndPoints, 3, 5), 0.5625);
+    EXPECT_DOUBLE_EQ(table_value<double>(TableAxes::RootsEndPoints, 3, 5), 0.5625);
     EXPECT_DOUBLE_EQ(table_value<double>(TableAxes::LinearCentres, 3, 5), 0.7);
 }
 

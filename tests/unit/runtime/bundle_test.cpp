@@ -164,7 +164,7 @@ constexpr const char* kBeckmannMetadata = R"({
   "environment": {"mips": {"count": 3, "levels": [{"level": 0, "roughness": 0},
                                                   {"level": 1, "roughness": 0.5}]},
                   "mips_beckmann": {"count": 3, "levels": [{"level": 1, "roughness": 0.5}]}},
-  "brdf": {"ggx": {"axes": "sqrt"}, "beckmann": {"axes": "sqrt"}}})";
+  "brdf": {"ggx": {"axes":"roots"}, "beckmann": {"axes":"roots"}}})";
 
 TEST(Bundle, BeckmannStandsBesideGgxAndSharesItsMirror) {
     BundleBuilder builder;

@@ -503,7 +503,7 @@ TEST(SampleMips, SurvivesAnyDirection) {
 
 TEST(LookUpBrdf, BilinearOverItsAxes) {
     Random random;
-    for (const TableAxes axes : {TableAxes::SqrtEndPoints, TableAxes::LinearCentres}) {
+    for (const TableAxes axes : {TableAxes::RootsEndPoints, TableAxes::LinearCentres}) {
         constexpr int kRows = 5, kColumns = 7;
         std::vector<float> texels(2 * kRows * kColumns);
         for (float& t : texels) t = static_cast<float>(random.next());
@@ -512,7 +512,7 @@ TEST(LookUpBrdf, BilinearOverItsAxes) {
         table.columns = kColumns;
         table.axes = axes;
         table.texels = {texels.data(), texels.size(), false};
-        const bool sqrt_axes = axes == TableAxes::SqrtEndPoints;
+        const bool sqrt_axes = axes == TableAxes::RootsEndPoints;
         for (int i = 0; i < 1000; ++i) {
             const double mu = random.next(), r = i == 0 ? 0 : (i == 1 ? 1 : random.next());
             // Tent weights over all texels, the outermost reaching to the border.
@@ -558,7 +558,7 @@ TEST(Specular, MirrorsTheViewAndWeighsByTheTable) {
         .add("brdf/ggx", {2, 2, 2}, table)
         .metadata(R"({"environment": {"mips": {"count": 1,
                       "levels": [{"level": 0, "roughness": 0}]}},
-                      "brdf": {"ggx": {"axes": "sqrt"}}})");
+                      "brdf": {"ggx": {"axes":"roots"}}})");
     const auto bundle = Bundle::open(builder.finish().c_str());
     ASSERT_TRUE(bundle) << to_string(bundle.error());
 

@@ -72,30 +72,34 @@ enum class Distribution {
     Beckmann,  ///< [Walter07] eq. 25. Metadata: "beckmann"
 };
 
-/// How the texels of a BRDF table lie over (n.v, perceptual roughness r).
+/// How the texels of a BRDF table lie over (n.v, perceptual roughness r). What happens at grazing
+/// angles happens at n.v of about alpha = r^2, so the roots of n.v are those of r^2.
 enum class TableAxes {
-    SqrtEndPoints,  ///< coordinates sqrt(n.v), sqrt(r); texel i at i / (size - 1). Metadata: "sqrt"
-    LinearCentres,  ///< coordinates n.v, r; texel i at (i + 1/2) / size. Metadata: "linear"
+    RootsEndPoints,  ///< (n.v)^(1/4), r^(1/2); texel i at i / (size - 1). Metadata: "roots"
+    LinearCentres,   ///< n.v, r; texel i at (i + 1/2) / size. Metadata: "linear"
 };
+enum class TableAxis { NDotV, Roughness };  ///< columns, rows
 
 /// n.v or r at texel `index` of an axis with `size` texels.
 template <class Real>
-Real table_value(TableAxes axes, int index, int size) {
+Real table_value(TableAxes axes, TableAxis axis, int index, int size) {
     if (axes == TableAxes::LinearCentres) {
         return (static_cast<Real>(index) + Real(0.5)) / static_cast<Real>(size);
     }
     const Real root = static_cast<Real>(index) / static_cast<Real>(size - 1);
-    return root * root;
+    return axis == TableAxis::NDotV ? root * root * root * root : root * root;
 }
 
 /// The inverse: where `value` (in [0, 1]) lies between texels, in [0, size - 1]. Values beyond the
 /// centres of the first and the last texel take that texel.
 template <class Real>
-Real table_position(TableAxes axes, Real value, int size) {
+Real table_position(TableAxes axes, TableAxis axis, Real value, int size) {
     const Real last = static_cast<Real>(size - 1);
+    const Real root =
+        axis == TableAxis::NDotV ? std::sqrt(std::sqrt(value)) : std::sqrt(value);
     const Real position = axes == TableAxes::LinearCentres
                               ? value * static_cast<Real>(size) - Real(0.5)
-                              : std::sqrt(value) * last;
+                              : root * last;
     // Written so that a NaN takes the first texel.
     return position > 0 ? (position < last ? position : last) : 0;
 }

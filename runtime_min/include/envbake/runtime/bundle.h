@@ -65,7 +65,7 @@ struct MipsView {
 struct BrdfTableView {
     int rows = 0;  ///< 0: the bundle has none
     int columns = 0;
-    TableAxes axes = TableAxes::SqrtEndPoints;
+    TableAxes axes = TableAxes::RootsEndPoints;
     FloatView texels;
     FloatView average_albedo;  ///< [rows]: 2 integral of (A + B) n.v d(n.v); count 0: none
 };
