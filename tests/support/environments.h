@@ -9,7 +9,9 @@
 #include <cstddef>
 #include <functional>
 #include <numbers>
+#include <ostream>
 #include <utility>
+#include <variant>
 #include <vector>
 
 /// Environments made by hand: edges and texels without any reader.
@@ -61,6 +63,13 @@ inline CubeGrid uneven_cube_grid(int size) {
     grid.edges.push_back(1);
     return grid;
 }
+
+/// A grid as the parameter of a test.
+struct NamedGrid {
+    const char* name;
+    std::variant<LatLongGrid, CubeGrid> grid;
+    friend std::ostream& operator<<(std::ostream& out, const NamedGrid& g) { return out << g.name; }
+};
 
 /// One texel of a grid: a rectangle in (theta, phi), or in (u, v) of a face.
 struct Texel {
