@@ -2,20 +2,13 @@
 #pragma once
 
 #include "baker/input/environment.h"
-#include "baker/math/vector.h"
-
-#include <vector>
+#include "baker/lighting/sh_lighting.h"
 
 namespace envbake {
 
 struct ShLightingJob {
-    int bands = 5;  ///< 1 .. 10
-};
-
-/// "environment/sh": l_i = integral of L(w) Y_i(w) dw, RGB, slot sh::index(l, m); W m^-2.
-struct ShLighting {
-    int bands = 0;
-    std::vector<DVec3> coeffs;  ///< bands * bands
+    int bands = 5;     ///< 1 .. 10
+    int channels = 3;  ///< 1: the map is grey, and red stands for all
 };
 
 /// Integrates the piecewise-constant environment against the SH basis, in double. Relative error
