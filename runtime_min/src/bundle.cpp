@@ -148,6 +148,7 @@ format::Expected<void> Bundle::resolve(Arena& arena) noexcept {
                                   "brdf/beckmann/axes",
                                   "brdf/beckmann_average_albedo"};
     ENVBAKE_TRY_VOID(resolve_lighting(arena));
+    ENVBAKE_TRY_VOID(resolve_lights(arena));
     ENVBAKE_TRY_VOID(resolve_mips(kGgx, ggx_.mips, arena));
     ENVBAKE_TRY_VOID(resolve_mips(kBeckmann, beckmann_.mips, arena));
     share_mirror(ggx_.mips, beckmann_.mips);
@@ -196,6 +197,21 @@ format::Expected<void> Bundle::resolve_lighting(Arena& arena) noexcept {
         values = rgb;
     }
     lighting_.coeffs = {values, values != nullptr ? static_cast<std::size_t>(3 * coeffs) : 0};
+    return {};
+}
+
+format::Expected<void> Bundle::resolve_lights(Arena& arena) noexcept {
+    const std::optional<ArrayInfo> info = reader_.find("environment/lights");
+    if (!info) return {};
+    if (info->type != ElementType::F32) return error_in(Errc::ArrayType, *info);
+    constexpr std::uint64_t kColumns = sizeof(DominantLight) / sizeof(float);
+    if (info->rank != 2 || info->shape[1] != kColumns) return error_in(Errc::ArrayShape, *info);
+    ENVBAKE_TRY(const FloatView view, place(*info, arena));
+    const auto* rows = static_cast<const DominantLight*>(view.data);
+    lights_ = {rows, rows != nullptr ? static_cast<std::size_t>(info->shape[0]) : 0};
+    const std::optional<JsonCursor> extracted =
+        JsonCursor(reader_.metadata()).find("environment/lights/extracted");
+    lights_extracted_ = extracted && extracted->is_true();
     return {};
 }
 

@@ -49,6 +49,14 @@ class JsonCursor {
         }
     }
 
+    bool is_true() const {
+        constexpr std::string_view kTrue = "true";
+        for (std::size_t i = 0; i < kTrue.size(); ++i) {
+            if (peek(at_ + i) != kTrue[i]) return false;
+        }
+        return ends_value(at_ + kTrue.size());
+    }
+
     /// A string without escapes.
     std::optional<std::string_view> string() const {
         if (peek(at_) != '"') return {};

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 
 namespace envbake::runtime {
 namespace {
@@ -87,8 +88,10 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
 SpecularAlbedo lookup_brdf(const BrdfTableView& table, float n_dot_v,
                            float perceptual_roughness) noexcept {
     if (table.rows == 0) return {};
-    const float x = table_position(table.axes, TableAxis::NDotV, clamp(n_dot_v, 0, 1), table.columns);
-    const float y = table_position(table.axes, TableAxis::Roughness, clamp(perceptual_roughness, 0, 1), table.rows);
+    const float x =
+        table_position(table.axes, TableAxis::NDotV, clamp(n_dot_v, 0, 1), table.columns);
+    const float y = table_position(table.axes, TableAxis::Roughness,
+                                   clamp(perceptual_roughness, 0, 1), table.rows);
     const int column = std::min(static_cast<int>(x), table.columns - 2);
     const int row = std::min(static_cast<int>(y), table.rows - 2);
     const float fx = x - static_cast<float>(column), fy = y - static_cast<float>(row);
@@ -107,7 +110,8 @@ SpecularAlbedo lookup_brdf(const BrdfTableView& table, float n_dot_v,
 
 float lookup_average_albedo(const BrdfTableView& table, float perceptual_roughness) noexcept {
     if (table.average_albedo.count == 0) return 0;
-    const float y = table_position(table.axes, TableAxis::Roughness, clamp(perceptual_roughness, 0, 1), table.rows);
+    const float y = table_position(table.axes, TableAxis::Roughness,
+                                   clamp(perceptual_roughness, 0, 1), table.rows);
     const int row = std::min(static_cast<int>(y), table.rows - 2);
     const float fy = y - static_cast<float>(row);
     const auto i = static_cast<std::uint64_t>(row);
@@ -130,6 +134,39 @@ Rgb specular(const Bundle& bundle, Distribution distribution, const Vec3& n, con
 Rgb specular(const Bundle& bundle, const Vec3& n, const Vec3& v, float perceptual_roughness,
              const Rgb& r0) noexcept {
     return specular(bundle, bundle.distribution(), n, v, perceptual_roughness, r0);
+}
+
+Rgb reflect_light(const DominantLight& light, const Surface& surface, const Vec3& v) noexcept {
+    const Vec3& n = surface.normal;
+    const Vec3& l = light.direction;
+    const auto dot = [](const Vec3& a, const Vec3& b) {
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    };
+    const float n_dot_l = dot(n, l);
+    if (!(n_dot_l > 0)) return {};
+    const Vec3 sum{l[0] + v[0], l[1] + v[1], l[2] + v[2]};
+    const float length = std::sqrt(dot(sum, sum));
+    float specular_lobe = 0, fresnel = 0;
+    if (length > 0 && surface.r0 != Rgb{}) {
+        const float alpha =
+            clamp(surface.perceptual_roughness, 0, 1) * clamp(surface.perceptual_roughness, 0, 1);
+        const float spread = light.angular_radius / 2;
+        const float widened = clamp(std::sqrt(alpha * alpha + spread * spread), 1e-3f, 1);
+        const float n_dot_h = clamp(dot(n, sum) / length, 0, 1);
+        const float v_dot_h = clamp(dot(v, sum) / length, 0, 1);
+        const float n_dot_v = clamp(dot(n, v), 1e-4f, 1);
+        specular_lobe =
+            normal_distribution(surface.distribution, n_dot_h, widened) *
+            smith_visibility(surface.distribution, clamp(n_dot_l, 0, 1), n_dot_v, widened);
+        fresnel = schlick_weight(v_dot_h);
+    }
+    Rgb L;
+    for (std::size_t c = 0; c < 3; ++c) {
+        const float f = surface.albedo[c] * std::numbers::inv_pi_v<float> +
+                        specular_lobe * (surface.r0[c] + (1 - surface.r0[c]) * fresnel);
+        L[c] = light.irradiance[c] * n_dot_l * f;
+    }
+    return L;
 }
 
 }  // namespace envbake::runtime

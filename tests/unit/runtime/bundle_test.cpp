@@ -148,6 +148,29 @@ TEST(Bundle, AGreyEnvironmentHasOneChannel) {
     }
 }
 
+TEST(Bundle, LightsAreRowsOfNine) {
+    for (const Codec codec : {Codec::None, Codec::Zstd}) {
+        BundleBuilder builder;
+        const bool extracted = codec == Codec::None;
+        builder.add("environment/lights", {2, 9}, ramp(18), codec)
+            .metadata(extracted ? R"({"environment": {"lights": {"extracted": true}}})"
+                                : R"({"environment": {"lights": {"extracted": false}}})");
+        const auto bundle = Bundle::open(builder.finish().c_str());
+        ASSERT_TRUE(bundle) << to_string(bundle.error());
+        ASSERT_EQ(bundle->lights().size(), 2u);
+        const DominantLight& second = bundle->lights()[1];
+        EXPECT_EQ(second.direction, (Vec3{9, 10, 11}));
+        EXPECT_EQ(second.irradiance, (Rgb{12, 13, 14}));
+        EXPECT_EQ(second.angular_radius, 15);
+        EXPECT_EQ(second.solid_angle, 16);
+        EXPECT_EQ(second.share, 17);
+        EXPECT_EQ(bundle->lights_extracted(), extracted);
+    }
+    BundleBuilder none;
+    none.add("environment/sh", {1, 3}, ramp(3));
+    EXPECT_TRUE(Bundle::open(none.finish().c_str())->lights().empty());
+}
+
 TEST(Bundle, LatLongMipsAreKnownByTheirShape) {
     BundleBuilder builder;
     builder.add("environment/mips/1", {4, 8, 3}, ramp(96))
@@ -258,6 +281,16 @@ const Fault kFaults[] = {
     {"sh in u32",
      [](BundleBuilder& b) {
          b.add("environment/sh", {1, 3}, std::vector<std::uint32_t>{1, 2, 3});
+     },
+     Errc::ArrayType},
+    {"lights of eight numbers",
+     [](BundleBuilder& b) {
+         b.add("environment/lights", {1, 8}, ramp(8));
+     },
+     Errc::ArrayShape},
+    {"lights in f16",
+     [](BundleBuilder& b) {
+         b.add("environment/lights", {1, 9}, half_ramp(9));
      },
      Errc::ArrayType},
     {"five faces",

@@ -34,6 +34,12 @@ TEST(JsonCursor, FindsByPath) {
     EXPECT_FALSE(root.find("a"));  // a key of something that is skipped
 }
 
+TEST(JsonCursor, TrueIsTheWholeWord) {
+    for (const char* text : {"true", " true ", "true,"}) EXPECT_TRUE(JsonCursor(text).is_true());
+    for (const char* text : {"", "t", "tru", "truely", "false", "1", "\"true\"", "[true]"})
+        EXPECT_FALSE(JsonCursor(text).is_true()) << text;
+}
+
 TEST(JsonCursor, KindsDoNotMix) {
     const JsonCursor root(kDocument);
     EXPECT_FALSE(root.find("tool")->number());

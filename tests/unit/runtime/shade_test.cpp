@@ -512,22 +512,22 @@ TEST(LookUpBrdf, BilinearOverItsAxes) {
         table.columns = kColumns;
         table.axes = axes;
         table.texels = {texels.data(), texels.size(), false};
-        const bool sqrt_axes = axes == TableAxes::RootsEndPoints;
+        const bool roots = axes == TableAxes::RootsEndPoints;
         for (int i = 0; i < 1000; ++i) {
             const double mu = random.next(), r = i == 0 ? 0 : (i == 1 ? 1 : random.next());
             // Tent weights over all texels, the outermost reaching to the border.
             double expected[2] = {0, 0};
             for (int row = 0; row < kRows; ++row) {
                 for (int column = 0; column < kColumns; ++column) {
-                    const auto tent = [&](double value, int k, int size) {
-                        double p = sqrt_axes ? std::sqrt(value) * (size - 1) : value * size - 0.5;
+                    const auto tent = [&](double value, double power, int k, int size) {
+                        double p = roots ? std::pow(value, power) * (size - 1) : value * size - 0.5;
                         p = std::min(std::max(p, 0.0), size - 1.0);
                         return std::max(0.0, 1 - std::abs(p - k));
                     };
                     for (std::size_t c = 0; c < 2; ++c) {
                         const std::size_t slot =
                             static_cast<std::size_t>(2 * (row * kColumns + column)) + c;
-                        expected[c] += tent(mu, column, kColumns) * tent(r, row, kRows) *
+                        expected[c] += tent(mu, 0.25, column, kColumns) * tent(r, 0.5, row, kRows) *
                                        static_cast<double>(texels[slot]);
                     }
                 }
@@ -540,6 +540,51 @@ TEST(LookUpBrdf, BilinearOverItsAxes) {
         const SpecularAlbedo corner = lookup_brdf(table, -5, 7);
         EXPECT_FLOAT_EQ(corner.a, texels[2 * (kRows - 1) * kColumns]);
         EXPECT_GE(lookup_brdf(table, std::nanf(""), std::nanf("")).a, 0);
+    }
+}
+
+// ---- A dominant light
+
+constexpr DominantLight kOverhead{.direction = {0, 1, 0},
+                                  .irradiance = {3, 2, 1},
+                                  .angular_radius = 0,
+                                  .solid_angle = 1e-4f,
+                                  .share = 0.5f};
+
+TEST(ReflectLight, DiffuseIsLambertsLaw) {
+    const Surface paper{.normal = {0.6f, 0.8f, 0}, .albedo = {1, 0.5f, 0}};
+    const Rgb L = reflect_light(kOverhead, paper, {0.6f, 0.8f, 0});
+    EXPECT_NEAR(L[0], 3 * 0.8 / pi, 1e-6);
+    EXPECT_NEAR(L[1], 2 * 0.8 * 0.5 / pi, 1e-6);
+    EXPECT_EQ(L[2], 0);
+    const Surface turned_away{.normal = {0, -1, 0}, .albedo = {1, 1, 1}, .r0 = {1, 1, 1}};
+    EXPECT_EQ(reflect_light(kOverhead, turned_away, {0, -1, 0}), (Rgb{}));
+}
+
+// n = v = l: D = 1 / (pi alpha^2) for both lobes, V = 1 / 4, F = R0.
+TEST(ReflectLight, HighlightAtNormalIncidence) {
+    for (const Distribution d : {Distribution::Ggx, Distribution::Beckmann}) {
+        Surface metal{.normal = {0, 1, 0}, .r0 = {1, 0.5f, 0}, .perceptual_roughness = 0.5f};
+        metal.distribution = d;
+        const Rgb L = reflect_light(kOverhead, metal, {0, 1, 0});
+        EXPECT_NEAR(L[0], 3 / (4 * pi * 0.0625), 1e-5);
+        EXPECT_NEAR(L[1], 2 * 0.5 / (4 * pi * 0.0625), 1e-5);
+        EXPECT_EQ(L[2], 0);
+        // A light of radius 1/2 widens the lobe of a mirror to alpha = 1/4, the same again.
+        DominantLight wide = kOverhead;
+        wide.angular_radius = 0.5f;
+        metal.perceptual_roughness = 0;
+        EXPECT_NEAR(reflect_light(wide, metal, {0, 1, 0})[0], 3 / (4 * pi * 0.0625), 1e-5);
+    }
+}
+
+TEST(ReflectLight, IsFiniteForAnyView) {
+    const Surface mirror{.normal = {0, 1, 0}, .r0 = {1, 1, 1}, .perceptual_roughness = 0};
+    for (const Vec3& v : {Vec3{0, 1, 0}, Vec3{0, -1, 0}, Vec3{1, 0, 0}, Vec3{0, 0, 0}}) {
+        for (const float L : reflect_light(kOverhead, mirror, v)) {
+            EXPECT_TRUE(std::isfinite(L));
+            EXPECT_GE(L, 0);
+        }
     }
 }
 

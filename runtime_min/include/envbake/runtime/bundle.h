@@ -42,6 +42,16 @@ struct ShLightingView {
                                     ///< environment's one channel is stored thrice by open()
 };
 
+/// A row of "environment/lights": a small bright source, to be given a shadow map.
+struct DominantLight {
+    Vec3 direction{};          ///< unit, towards the light
+    Rgb irradiance{};          ///< of a surface that faces it, W m^-2; above what surrounds it
+    float angular_radius = 0;  ///< radians
+    float solid_angle = 0;     ///< sr
+    float share = 0;           ///< of the environment's energy, 0 .. 1
+};
+static_assert(sizeof(DominantLight) == 9 * sizeof(float));
+
 /// One level of prefiltered radiance, W sr^-1 m^-2.
 struct MipLevel {
     int width = 0;  ///< texels, of a face or of the image; 0: this level was not baked
@@ -121,6 +131,12 @@ class Bundle {
 
     const ShLightingView& lighting() const noexcept { return lighting_; }
 
+    /// Strongest first.
+    std::span<const DominantLight> lights() const noexcept { return lights_; }
+    /// True: no other array holds the lights, a renderer adds them (shade.h, reflect_light). False:
+    /// all the others hold them too.
+    bool lights_extracted() const noexcept { return lights_extracted_; }
+
     /// The distribution that the bundle was baked for; GGX where it holds both, or neither.
     Distribution distribution() const noexcept;
     const MipsView& mips() const noexcept { return mips(distribution()); }
@@ -156,6 +172,7 @@ class Bundle {
 
     format::Expected<void> resolve(Arena& arena) noexcept;
     format::Expected<void> resolve_lighting(Arena& arena) noexcept;
+    format::Expected<void> resolve_lights(Arena& arena) noexcept;
     format::Expected<void> resolve_mips(const LobeNames& names, MipsView& mips,
                                         Arena& arena) noexcept;
     format::Expected<void> resolve_brdf(const LobeNames& names, BrdfTableView& brdf,
@@ -167,6 +184,8 @@ class Bundle {
     format::Reader reader_;
     std::unique_ptr<std::byte, Free> block_;
     ShLightingView lighting_;
+    std::span<const DominantLight> lights_;
+    bool lights_extracted_ = false;
     Lobe ggx_, beckmann_;
     std::span<const Mesh> meshes_;
 };

@@ -84,4 +84,23 @@ struct SpecularAlbedo {
 [[nodiscard]] Rgb specular(const Bundle& bundle, const Vec3& n, const Vec3& v,
                            float perceptual_roughness, const Rgb& r0) noexcept;
 
+/// A surface as reflect_light sees it.
+struct Surface {
+    Vec3 normal{0, 0, 1};
+    Rgb albedo{};  ///< of the diffuse part: 0 for a metal
+    Rgb r0{};      ///< reflectance at normal incidence; all 0: no specular lobe
+    float perceptual_roughness = 1;
+    Distribution distribution = Distribution::Ggx;
+};
+
+/// Radiance that a surface reflects towards `v` of a dominant light that nothing hides:
+///
+///     L = E max(0, n.l) (albedo / pi + D(h) V(l, v) F(v.h)),   l the light's direction
+///
+/// A light of angular radius s spreads h over s / 2: the lobe is widened by as much, alpha'^2 =
+/// alpha^2 + (s / 2)^2. That keeps the energy and the extent of the highlight, not its shape.
+/// Multiply by the light's visibility. To be added where bundle.lights_extracted().
+[[nodiscard]] Rgb reflect_light(const DominantLight& light, const Surface& surface,
+                                const Vec3& v) noexcept;
+
 }  // namespace envbake::runtime
