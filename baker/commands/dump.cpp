@@ -10,6 +10,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <ostream>
 
@@ -183,7 +184,7 @@ TransportTotals transport_totals(const Json& metadata) {
 double worst_mip_error(const Json& errors) {
     double worst = 0;
     for (const auto& [name, error] : errors.items())
-        if (name.rfind("environment/mips/", 0) == 0)
+        if (name.rfind("environment/mips", 0) == 0)
             worst = std::max(worst, error.at("error").get<double>());
     return worst;
 }
@@ -240,6 +241,41 @@ void print_errors(const Json& metadata, std::ostream& out) {
             << " of the vertices needed none\n";
 }
 
+/// One line a light; nothing where the array is not as docs/format.md has it.
+void print_lights(const format::Reader& reader, const Json& metadata, std::ostream& out) {
+    const auto info = reader.find("environment/lights");
+    if (!info || info->rank != 2 || info->shape[1] != 9) return;
+    const auto rows = read_values(reader, *info);
+    if (!rows) return;
+    const char* label = "lights         ";
+    for (std::size_t at = 0; at < rows->size(); at += 9) {
+        const auto number = [&](std::size_t i) { return format_number((*rows)[at + i]); };
+        const double degrees = (*rows)[at + 6] * 180 / std::numbers::pi;
+        out << label << "towards (" << number(0) << ", " << number(1) << ", " << number(2) << "), "
+            << number(3) << " " << number(4) << " " << number(5) << " W/m2, radius "
+            << format_number(degrees) << " degrees, " << percent((*rows)[at + 8])
+            << " of the energy\n";
+        label = "               ";
+    }
+    const Json lights =
+        metadata.value("environment", Json::object()).value("lights", Json::object());
+    if (lights.value("extracted", false)) out << label << "left out of all other lighting arrays\n";
+}
+
+/// What the window of SH lighting costs.
+void print_window(const Json& metadata, std::ostream& out) {
+    const Json environment = metadata.value("environment", Json::object());
+    if (!environment.contains("window")) return;
+    const Json& window = environment["window"];
+    out << "window         ";
+    if (window.at("lambda") == 0)
+        out << "none needed: irradiance is nowhere negative\n";
+    else
+        out << "irradiance is nowhere negative; it keeps "
+            << percent(window.at("irradiance_peak_kept")) << " of its peak and changes by "
+            << percent(window.at("irradiance_rms_loss")) << " rms\n";
+}
+
 void print_notes(const Json& metadata, std::ostream& out) {
     const Json notes = metadata.value("scene", Json::object()).value("notes", Json::array());
     if (notes.empty()) return;
@@ -260,6 +296,8 @@ void print_text(const std::filesystem::path& file, const format::Reader& reader,
     try {
         print_inputs(metadata, out);
         print_errors(metadata, out);
+        print_lights(reader, metadata, out);
+        print_window(metadata, out);
     } catch (const Json::exception&) {
         out << "               (metadata of another tool: see --json)\n";
     }

@@ -62,13 +62,14 @@ Expected<void> write_json(const ExtractOptions& options, const format::Reader& r
     return write_file(options.output, json.dump() + "\n");
 }
 
-/// Images only: [rows, columns, 2 or 3], or cube faces [6, s, s, 3] one below the other.
+/// Images only: [rows, columns, 1 to 3], or cube faces [6, s, s, 1 to 3] one below the other. One
+/// channel becomes grey.
 Expected<void> write_image(const ExtractOptions& options, const format::Reader& reader,
                            const format::ArrayInfo& info) {
     const auto shape = shape_of(info);
-    const bool cube = shape.size() == 4 && shape[0] == 6 && shape[3] == 3;
-    const bool image = shape.size() == 3 && (shape[2] == 2 || shape[2] == 3);
-    if (!cube && !image)
+    const bool cube = shape.size() == 4 && shape[0] == 6;
+    const bool image = (shape.size() == 3 || cube) && shape.back() >= 1 && shape.back() <= 3;
+    if (!image)
         return Error{Errc::Usage,
                      concat("array ", info.name, " is not an image: extract it as .npy or .json")};
     const std::uint64_t channels = shape.back();
@@ -78,7 +79,9 @@ Expected<void> write_image(const ExtractOptions& options, const format::Reader& 
     std::vector<float> rgb;
     for (std::size_t i = 0; i < values.size(); i += channels)
         for (std::size_t c = 0; c < 3; ++c)
-            rgb.push_back(c < channels ? static_cast<float>(values[i + c]) : 0.0f);
+            rgb.push_back(c < channels    ? static_cast<float>(values[i + c])
+                          : channels == 1 ? static_cast<float>(values[i])
+                                          : 0.0f);
     return write_exr(options.output, static_cast<int>(width), static_cast<int>(height), rgb);
 }
 

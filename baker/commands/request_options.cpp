@@ -2,6 +2,7 @@
 #include "baker/commands/request_options.h"
 
 #include <string>
+#include <vector>
 
 namespace envbake {
 
@@ -24,22 +25,57 @@ void declare_request(CLI::App& app, BakeRequest& request) {
         ->excludes("--tolerance");
     app.add_option("--bands", request.bands, "SH bands, 1 to 10; n bands are n*n coefficients")
         ->capture_default_str();
+    app.add_flag("--extract-lights", request.extract_lights,
+                 "Leave the lights of environment/lights out of all other lighting arrays");
+    app.add_flag("--irradiance", request.irradiance,
+                 "Also bake environment/irradiance: SH with the clamped cosine folded in");
+    app.add_flag("--window", request.window,
+                 "Damp SH lighting by as little as leaves no negative irradiance");
+
+    app.add_option_function<std::string>(
+           "--distribution",
+           [&request](const std::string& name) {
+               using runtime::Distribution;
+               request.distributions.clear();
+               if (name != "beckmann") request.distributions.push_back(Distribution::Ggx);
+               if (name != "ggx") request.distributions.push_back(Distribution::Beckmann);
+           },
+           "Microfacets of the specular arrays: ggx, beckmann or both")
+        ->check(CLI::IsMember({"ggx", "beckmann", "both"}))
+        ->default_str("ggx");
     app.add_option("--mip-size", request.mip_size, "Face edge of specular mip 0, texels")
         ->capture_default_str();
     app.add_option("--mip-count", request.mip_count,
                    "Specular mips; mip k of n holds roughness k/(n-1)")
         ->capture_default_str();
-    app.add_option("--table-size", request.table_size, "Texels along each axis of the BRDF table")
+    app.add_option_function<std::string>(
+           "--mip-layout",
+           [&request](const std::string& name) {
+               request.mip_layout =
+                   name == "cube" ? runtime::MipLayout::CubeFaces : runtime::MipLayout::LatLong;
+           },
+           "cube: six faces; lat-long: one image, 4 mip-sizes wide and 2 high")
+        ->check(CLI::IsMember({"cube", "lat-long"}))
+        ->default_str("cube");
+    app.add_option_function<std::vector<double>>(
+           "--roughness-range",
+           [&request](const std::vector<double>& range) {
+               request.roughness_range = RoughnessRange{range[0], range[1]};
+           },
+           "Bake the mips for this roughness, MIN MAX; default: what the scene's materials have")
+        ->expected(2);
+    app.add_option("--table-size", request.table_size, "Texels along each axis of the BRDF tables")
         ->capture_default_str();
+    app.add_flag("--half-tables", request.half_tables, "Store BRDF tables as 16-bit floats");
     app.add_option_function<std::string>(
            "--table-axes",
            [&request](const std::string& name) {
-               request.table_axes = name == "sqrt" ? runtime::TableAxes::RootsEndPoints
+               request.table_axes = name == "roots" ? runtime::TableAxes::RootsEndPoints
                                                    : runtime::TableAxes::LinearCentres;
            },
-           "sqrt: sqrt(n.v), sqrt(r), end points stored; linear: n.v, r, texel centres")
-        ->check(CLI::IsMember({"sqrt", "linear"}))
-        ->default_str("sqrt");
+           "roots: (n.v)^(1/4), r^(1/2), end points stored; linear: n.v, r, texel centres")
+        ->check(CLI::IsMember({"roots", "linear"}))
+        ->default_str("roots");
     app.add_flag("--unshadowed", request.unshadowed,
                  "Also bake mesh/I/unshadowed: transport without occlusion, analytic");
     app.add_flag("--area-normals", request.area_weighted_normals,

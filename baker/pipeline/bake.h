@@ -5,6 +5,8 @@
 #include "baker/core/progress.h"
 #include "baker/input/environment.h"
 #include "baker/input/scene.h"
+#include "baker/lighting/dominant_lights.h"
+#include "baker/lighting/sh_projection.h"
 #include "baker/pipeline/file_hash.h"
 #include "baker/plan/plan.h"
 
@@ -22,7 +24,9 @@ struct InputFile {
 };
 
 struct BakeInputs {
-    std::optional<Environment> environment;
+    std::optional<Environment> environment;  ///< without the lights, where they are extracted
+    DominantLights lights;
+    std::optional<ShLighting> sh;  ///< of that environment, the bands asked for
     std::optional<Scene> scene;
     std::vector<InputFile> files;
     BakeFacts facts;

@@ -28,7 +28,10 @@ class SelfTestCheck {
     std::vector<std::string> run() {
         ask_irradiance();
         ask_diffuse();
-        ask_specular();
+        ask_specular(runtime::Distribution::Ggx, "selftest/specular/input",
+                     "selftest/specular/value");
+        ask_specular(runtime::Distribution::Beckmann, "selftest/specular_beckmann/input",
+                     "selftest/specular_beckmann/value");
         return std::move(failures_);
     }
 
@@ -92,13 +95,13 @@ class SelfTestCheck {
         });
     }
 
-    void ask_specular() {
-        const auto inputs = questions<float>("selftest/specular/input", 8);
+    void ask_specular(runtime::Distribution distribution, const char* input, const char* value) {
+        const auto inputs = questions<float>(input, 8);
         if (!inputs) return;
-        compare("selftest/specular/value", inputs->size() / 8, [&](std::size_t i) {
+        compare(value, inputs->size() / 8, [&](std::size_t i) {
             const float* q = inputs->data() + 8 * i;
-            return runtime::specular(bundle_, {q[0], q[1], q[2]}, {q[3], q[4], q[5]}, q[6],
-                                     {q[7], q[7], q[7]});
+            return runtime::specular(bundle_, distribution, {q[0], q[1], q[2]}, {q[3], q[4], q[5]},
+                                     q[6], {q[7], q[7], q[7]});
         });
     }
 

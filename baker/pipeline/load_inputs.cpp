@@ -2,6 +2,8 @@
 #include "baker/input/image_worker.h"
 #include "baker/input/read_environment.h"
 #include "baker/input/read_scene.h"
+#include "baker/lighting/dominant_lights.h"
+#include "baker/lighting/sh_projection.h"
 #include "baker/pipeline/bake.h"
 #include "baker/transport/free_vertices.h"
 
@@ -25,6 +27,20 @@ std::vector<MeshFacts> collect_mesh_facts(const Scene& scene) {
                          static_cast<std::size_t>(mesh.material)});
     }
     return facts;
+}
+
+/// Lights first: what is extracted is no longer there for the rest to see.
+void collect_lighting_facts(const BakeRequest& request, BakeInputs& inputs) {
+    inputs.lights = find_dominant_lights({}, *inputs.environment);
+    if (request.extract_lights) remove_lights(inputs.lights, *inputs.environment);
+    EnvironmentFacts facts = collect_facts(*inputs.environment);
+    facts.lights = {.count = inputs.lights.lights.size(),
+                    .strongest_share = inputs.lights.strongest_share};
+    for (const DominantLight& light : inputs.lights.lights) facts.lights.share += light.share;
+    inputs.sh =
+        project_sh({.bands = request.bands, .channels = facts.grey ? 1 : 3}, *inputs.environment);
+    facts.band_energy = band_energy(*inputs.sh);
+    inputs.facts.environment = std::move(facts);
 }
 
 }  // namespace
@@ -56,7 +72,7 @@ Expected<BakeInputs> load_inputs(const BakeRequest& request) {
                     read_environment(request.environment, {.strict = request.strict}));
         ENVBAKE_TRY_VOID(add_file(inputs.files, "environment",
                                   request.environment.filename().string(), request.environment));
-        inputs.facts.environment = collect_facts(*inputs.environment);
+        collect_lighting_facts(request, inputs);
     }
     return inputs;
 }

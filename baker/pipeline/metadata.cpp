@@ -17,13 +17,24 @@ double rounded(double value) {
 }
 
 const char* axes_name(runtime::TableAxes axes) {
-    return axes == runtime::TableAxes::RootsEndPoints ? "sqrt" : "linear";
+    return axes == runtime::TableAxes::RootsEndPoints ? "roots" : "linear";
 }
 
 const char* axes_in_words(runtime::TableAxes axes) {
     return axes == runtime::TableAxes::RootsEndPoints
-               ? "texel (i, j) of n holds roughness (i / (n - 1))^2 and n.v (j / (n - 1))^2"
+               ? "texel (i, j) of n holds roughness (i / (n - 1))^2 and n.v (j / (n - 1))^4"
                : "texel (i, j) of n holds roughness (i + 1/2) / n and n.v (j + 1/2) / n";
+}
+
+Json distribution_names(const BakeRequest& request) {
+    Json names = Json::array();
+    for (const runtime::Distribution d : request.distributions)
+        names.push_back(d == runtime::Distribution::Ggx ? "ggx" : "beckmann");
+    return names;
+}
+
+Json range_json(const std::optional<RoughnessRange>& range) {
+    return range ? Json{range->min, range->max} : Json();
 }
 
 Json conventions() {
@@ -40,8 +51,14 @@ Json conventions() {
          "T_i"},
         {"roughness", "perceptual, alpha = roughness^2; mip k of n holds roughness k / (n - 1)"},
         {"mips",
-         "N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), GGX"},
-        {"brdf", "specular albedo = R0 A + B, GGX, height-correlated Smith, Schlick"},
+         "N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), D is GGX "
+         "or Beckmann by the array's name"},
+        {"brdf",
+         "specular albedo = R0 A + B, GGX or Beckmann by the array's name, height-correlated "
+         "Smith, Schlick"},
+        {"lights",
+         "rows of direction towards the light, irradiance RGB of a surface that faces it, angular "
+         "radius, solid angle, share of the environment's energy"},
     };
 }
 
@@ -55,8 +72,31 @@ Json inputs_json(const std::vector<InputFile>& files) {
     return list;
 }
 
-Json environment_json(const Environment& environment, const EnvironmentFacts& facts,
-                      const BakeReport& report) {
+Json mips_json(const BakeReport::Lobe& lobe, int count) {
+    Json levels = Json::array();
+    for (const auto& level : lobe.mip_levels) {
+        Json json = {{"level", level.level}};
+        if (level.faces == 6) {
+            json["face_size"] = level.width;
+        } else {
+            json["width"] = level.width;
+            json["height"] = level.height;
+        }
+        json["roughness"] = level.roughness;
+        levels.push_back(std::move(json));
+    }
+    return {{"count", count}, {"levels", levels}};
+}
+
+Json window_json(const ShWindow& window) {
+    return {{"lambda", window.lambda},
+            {"factors", window.factors},
+            {"irradiance_rms_loss", rounded(window.rms_loss)},
+            {"irradiance_peak_kept", rounded(window.peak_kept)}};
+}
+
+Json environment_json(const BakeRequest& request, const Environment& environment,
+                      const EnvironmentFacts& facts, const BakeReport& report) {
     Json json;
     if (const auto* grid = std::get_if<LatLongGrid>(&environment.grid)) {
         json["mapping"] = "latitude-longitude";
@@ -68,19 +108,30 @@ Json environment_json(const Environment& environment, const EnvironmentFacts& fa
     }
     json["mean"] = rounded(facts.mean);
     json["peak"] = facts.peak;
-    json["constant"] = facts.constant;
+    json["contrast"] = rounded(facts.contrast);
+    json["grey"] = facts.grey;
     json["repaired"] = {{"nan", environment.repairs.nan_count},
                         {"infinite", environment.repairs.infinite_count},
                         {"negative", environment.repairs.negative_count}};
-    if (!report.mip_levels.empty()) {
-        Json levels = Json::array();
-        for (const auto& level : report.mip_levels)
-            levels.push_back({{"level", level.level},
-                              {"face_size", level.face_size},
-                              {"roughness", level.roughness}});
-        json["mips"] = {{"count", report.mip_count}, {"levels", levels}};
-    }
+    if (facts.lights.count > 0)
+        json["lights"] = {{"count", facts.lights.count},
+                          {"share", rounded(facts.lights.share)},
+                          {"extracted", request.extract_lights}};
+    if (report.window) json["window"] = window_json(*report.window);
+    if (!report.ggx.mip_levels.empty()) json["mips"] = mips_json(report.ggx, report.mip_count);
+    if (!report.beckmann.mip_levels.empty())
+        json["mips_beckmann"] = mips_json(report.beckmann, report.mip_count);
     return json;
+}
+
+Json table_json(const BrdfTable& table, runtime::TableAxes axes) {
+    return {{"axes", axes_name(axes)},
+            {"axes_in_words", axes_in_words(axes)},
+            {"texel_error", rounded(table.texel_error)},
+            {"lookup_error", rounded(table.lookup_error)},
+            {"lookup_error_rms", rounded(table.lookup_error_rms)},
+            {"lookup_error_from_roughness", kSharpestRoughness},
+            {"lookup_error_of_sharper_lobes", rounded(table.sharp_lookup_error)}};
 }
 
 Json diffuse_json(const DiffuseReport& r) {
@@ -140,10 +191,17 @@ std::string tool_version() {
 Json options_json(const BakeRequest& r) {
     return {{"tolerance", r.tolerance},
             {"bands", r.bands},
+            {"extract_lights", r.extract_lights},
+            {"irradiance", r.irradiance},
+            {"window", r.window},
+            {"distributions", distribution_names(r)},
             {"mip_size", r.mip_size},
             {"mip_count", r.mip_count},
+            {"mip_layout", r.mip_layout == runtime::MipLayout::CubeFaces ? "cube" : "lat-long"},
+            {"roughness_range", range_json(r.roughness_range)},
             {"table_size", r.table_size},
             {"table_axes", axes_name(r.table_axes)},
+            {"table_type", r.half_tables ? "f16" : "f32"},
             {"unshadowed", r.unshadowed},
             {"rays", r.rays_per_vertex},
             {"seed", r.seed},
@@ -170,13 +228,11 @@ Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const B
     json["conventions"] = conventions();
     if (inputs.environment)
         json["environment"] =
-            environment_json(*inputs.environment, *inputs.facts.environment, report);
-    if (report.table)
-        json["brdf"]["ggx"] = {{"axes", axes_name(request.table_axes)},
-                               {"axes_in_words", axes_in_words(request.table_axes)},
-                               {"texel_error", rounded(report.table->texel_error)},
-                               {"lookup_error", rounded(report.table->lookup_error)},
-                               {"lookup_error_rms", rounded(report.table->lookup_error_rms)}};
+            environment_json(request, *inputs.environment, *inputs.facts.environment, report);
+    if (report.ggx.table)
+        json["brdf"]["ggx"] = table_json(*report.ggx.table, request.table_axes);
+    if (report.beckmann.table)
+        json["brdf"]["beckmann"] = table_json(*report.beckmann.table, request.table_axes);
     if (inputs.scene) {
         json["scene"] = {{"materials", inputs.scene->materials.size()},
                          {"notes", inputs.scene->notes}};

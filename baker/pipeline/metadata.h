@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "baker/lighting/sh_window.h"
 #include "baker/pipeline/bake.h"
 
 #include <nlohmann/json.hpp>
@@ -25,12 +26,18 @@ struct BakeReport {
     std::map<std::string, ArrayError> array_errors;
     struct MipLevel {
         int level = 0;
-        int face_size = 0;
+        int faces = 6;
+        int width = 0, height = 0;  ///< of a face, or of a lat-long image
         double roughness = 0;
     };
-    std::vector<MipLevel> mip_levels;
+    /// The specular side of one distribution.
+    struct Lobe {
+        std::vector<MipLevel> mip_levels;
+        std::optional<BrdfTable> table;  ///< errors only are used
+    };
+    Lobe ggx, beckmann;
     int mip_count = 0;
-    std::optional<BrdfTable> table;                     ///< errors only are used
+    std::optional<ShWindow> window;
     std::vector<std::optional<DiffuseReport>> diffuse;  ///< one a mesh
     double self_test_tolerance = 0;
 };

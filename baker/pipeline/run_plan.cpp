@@ -86,28 +86,64 @@ class Run {
         return {};
     }
 
-    Expected<void> bake(const std::string& output, const ShLightingJob& job) {
-        const ShLighting lighting = project_sh(job, *inputs_.environment);
+    Expected<void> bake(const std::string& output, const PlannedLights&) {
+        std::vector<float> rows;
+        for (const DominantLight& light : inputs_.lights.lights) {
+            for (int c = 0; c < 3; ++c) rows.push_back(static_cast<float>(light.direction[c]));
+            for (int c = 0; c < 3; ++c) rows.push_back(static_cast<float>(light.irradiance[c]));
+            for (const double x : {light.angular_radius, light.solid_angle, light.share})
+                rows.push_back(static_cast<float>(x));
+        }
+        ENVBAKE_TRY_VOID(require_finite(rows));
+        return add<float>(output, {rows.size() / 9, 9}, rows, format::Codec::None);
+    }
+
+    /// The lighting to be stored, cut to the planned bands and damped.
+    ShLighting planned_lighting(const PlannedSh& sh) {
+        ShLighting lighting = first_bands(*inputs_.sh, sh.bands);
+        if (!sh.window) return lighting;
+        if (!report_.window) report_.window = nonnegative_window(lighting);
+        return windowed(lighting, *report_.window);
+    }
+
+    Expected<void> bake(const std::string& output, const PlannedSh& sh) {
+        ShLighting lighting = planned_lighting(sh);
+        if (sh.irradiance) lighting = to_irradiance(lighting);
+        std::vector<float> values;
         for (const DVec3& coeff : lighting.coeffs)
-            for (int c = 0; c < 3; ++c) stored_.sh.push_back(static_cast<float>(coeff[c]));
-        stored_.bands = lighting.bands;
-        ENVBAKE_TRY_VOID(require_finite(stored_.sh));
+            for (int c = 0; c < sh.channels; ++c) values.push_back(static_cast<float>(coeff[c]));
+        ENVBAKE_TRY_VOID(require_finite(values));
+        if (!sh.irradiance) {
+            stored_.bands = lighting.bands;
+            for (std::size_t i = 0; i < 3 * lighting.coeffs.size(); ++i)
+                stored_.sh.push_back(values[sh.channels == 1 ? i / 3 : i]);
+        }
         report_.array_errors[output] = {0x1p-24, "rounding to f32, relative to each coefficient"};
-        return add<float>(output, {lighting.coeffs.size(), 3}, stored_.sh, format::Codec::None);
+        return add<float>(output, {lighting.coeffs.size(), static_cast<std::uint64_t>(sh.channels)},
+                          values, format::Codec::None);
     }
 
     Expected<void> bake(const std::string& output, const PlannedMips& mips) {
+        const bool ggx = mips.job.distribution == runtime::Distribution::Ggx;
         report_.mip_count = stored_.mip_count = mips.level_count;
-        for (const Mip& mip : bake_mips(mips.job, *inputs_.environment, progress_))
-            ENVBAKE_TRY_VOID(store(concat(output, "/", mip.level), mip));
+        for (Mip& mip : bake_mips(mips.job, *inputs_.environment, progress_)) {
+            mip.error_estimate += mips.contrast;
+            (ggx ? report_.ggx : report_.beckmann)
+                .mip_levels.push_back(
+                    {mip.level, mip.faces, mip.width, mip.height, mip.perceptual_roughness});
+            ENVBAKE_TRY_VOID(store(concat(output, "/", mip.level), mip,
+                                   (ggx ? stored_.ggx : stored_.beckmann).mips));
+        }
         return {};
     }
 
-    Expected<void> store(const std::string& name, const Mip& mip) {
-        const auto size = static_cast<std::uint64_t>(mip.width);
-        const std::vector<std::uint64_t> shape{6, size, size, 3};
-        report_.mip_levels.push_back({mip.level, mip.width, mip.perceptual_roughness});
-        StoredArrays::Mip stored{mip.level, mip.width, {}};
+    Expected<void> store(const std::string& name, const Mip& mip,
+                         std::vector<StoredArrays::Mip>& stored_mips) {
+        std::vector<std::uint64_t> shape;
+        if (mip.faces == 6) shape.push_back(6);
+        for (const int extent : {mip.height, mip.width, mip.channels})
+            shape.push_back(static_cast<std::uint64_t>(extent));
+        StoredArrays::Mip stored{mip.level, mip.faces, mip.width, mip.height, mip.channels, {}};
         double error = mip.error_estimate;
         // A tenth of the tolerance is what half floats may add.
         if (const auto half =
@@ -122,20 +158,38 @@ class Run {
         }
         report_.array_errors[name] = {error,
                                       "worst |v - r| / (r + 1e-3 mean) over texels and channels"};
-        stored_.mips.push_back(std::move(stored));
+        stored_mips.push_back(std::move(stored));
         return {};
     }
 
-    Expected<void> bake(const std::string& output, const BrdfTableJob& job) {
-        report_.table = bake_brdf_table(job);
-        stored_.table_size = job.size;
-        stored_.table_axes = job.axes;
-        for (const Vec2& texel : report_.table->texels)
-            stored_.table.insert(stored_.table.end(), {texel.x, texel.y});
-        report_.array_errors[output] = {report_.table->lookup_error,
-                                        "worst |bilinear look-up - true|"};
-        const auto size = static_cast<std::uint64_t>(job.size);
-        return add<float>(output, {size, size, 2}, stored_.table, format::Codec::None);
+    Expected<void> bake(const std::string& output, const PlannedTable& planned) {
+        const bool ggx = planned.job.distribution == runtime::Distribution::Ggx;
+        const BrdfTable table = bake_brdf_table(planned.job);
+        StoredArrays::Lobe& stored = ggx ? stored_.ggx : stored_.beckmann;
+        stored.table_size = planned.job.size;
+        stored_.table_axes = planned.job.axes;
+        for (const Vec2& texel : table.texels)
+            stored.table.insert(stored.table.end(), {texel.x, texel.y});
+        const auto size = static_cast<std::uint64_t>(planned.job.size);
+        report_.array_errors[output] = {
+            table.lookup_error,
+            concat("worst |bilinear look-up - true|, roughness from ", kSharpestRoughness)};
+        if (planned.half) {
+            std::vector<format::Half> halves;
+            for (float& value : stored.table) {
+                halves.push_back({runtime::float_to_half(value)});
+                value = runtime::half_to_float(halves.back().bits);
+            }
+            ENVBAKE_TRY_VOID(
+                add<format::Half>(output, {size, size, 2}, halves, format::Codec::None));
+        } else {
+            ENVBAKE_TRY_VOID(
+                add<float>(output, {size, size, 2}, stored.table, format::Codec::None));
+        }
+        ENVBAKE_TRY_VOID(add<float>(output + "_average_albedo", {size}, table.average_albedo,
+                                    format::Codec::None));
+        (ggx ? report_.ggx : report_.beckmann).table = table;
+        return {};
     }
 
     Expected<void> bake(const std::string& output, const PlannedDiffuse& diffuse) {
@@ -218,7 +272,7 @@ class Run {
     Expected<void> write_self_test() {
         const SelfTest test = make_self_test(stored_);
         for (const auto* values :
-             {&test.irradiance_value, &test.diffuse_value, &test.specular_value})
+             {&test.irradiance_value, &test.diffuse_value, &test.ggx.value, &test.beckmann.value})
             ENVBAKE_TRY_VOID(require_finite(*values));
         report_.self_test_tolerance = SelfTest::kTolerance;
         const auto add_rows = [&](const char* name, std::uint64_t columns,
@@ -231,8 +285,10 @@ class Run {
         ENVBAKE_TRY_VOID(add_rows("selftest/irradiance/value", 3, test.irradiance_value));
         ENVBAKE_TRY_VOID(add_rows("selftest/diffuse/vertex", 2, test.diffuse_vertex));
         ENVBAKE_TRY_VOID(add_rows("selftest/diffuse/value", 3, test.diffuse_value));
-        ENVBAKE_TRY_VOID(add_rows("selftest/specular/input", 8, test.specular_input));
-        return add_rows("selftest/specular/value", 3, test.specular_value);
+        ENVBAKE_TRY_VOID(add_rows("selftest/specular/input", 8, test.ggx.input));
+        ENVBAKE_TRY_VOID(add_rows("selftest/specular/value", 3, test.ggx.value));
+        ENVBAKE_TRY_VOID(add_rows("selftest/specular_beckmann/input", 8, test.beckmann.input));
+        return add_rows("selftest/specular_beckmann/value", 3, test.beckmann.value);
     }
 
     const BakeRequest& request_;

@@ -67,18 +67,19 @@ DVec3 irradiance(const StoredArrays& arrays, const DVec3& n) {
 }
 
 DVec3 exit_radiance(const StoredArrays& arrays, const std::vector<float>& transport) {
+    // Bands that the lighting does not have count as 0.
     DVec3 L{0};
-    for (std::size_t i = 0; i < transport.size(); ++i)
+    for (std::size_t i = 0; i < std::min(transport.size(), arrays.sh.size() / 3); ++i)
         L += static_cast<double>(transport[i]) *
              DVec3(arrays.sh[3 * i], arrays.sh[3 * i + 1], arrays.sh[3 * i + 2]);
     return L;
 }
 
 DVec3 texel(const StoredArrays::Mip& mip, int face, int row, int column) {
-    const auto s = static_cast<std::size_t>(mip.face_size);
+    const auto channels = static_cast<std::size_t>(mip.channels);
     const std::size_t at =
-        3 * ((static_cast<std::size_t>(face) * s + static_cast<std::size_t>(row)) * s +
-             static_cast<std::size_t>(column));
+        channels * static_cast<std::size_t>((face * mip.height + row) * mip.width + column);
+    if (channels == 1) return DVec3(mip.texels[at]);
     return {mip.texels[at], mip.texels[at + 1], mip.texels[at + 2]};
 }
 
@@ -110,7 +111,7 @@ DVec3 direction_of(int face, double u, double v) {
 /// A texel of the face, or of the face across the edge that it lies beyond; none beyond a corner.
 std::optional<DVec3> texel_across_edges(const StoredArrays::Mip& mip, int face, int row,
                                         int column) {
-    const int s = mip.face_size;
+    const int s = mip.width;
     const bool row_inside = row >= 0 && row < s;
     const bool column_inside = column >= 0 && column < s;
     if (row_inside && column_inside) return texel(mip, face, row, column);
@@ -126,59 +127,105 @@ std::optional<DVec3> texel_across_edges(const StoredArrays::Mip& mip, int face, 
     return texel(mip, across.face, place(across.v), place(across.u));
 }
 
-DVec3 sample_level(const StoredArrays::Mip& mip, const DVec3& w) {
+/// x in texels: the index below it, and how far beyond that.
+struct Position {
+    int below;
+    double beyond;
+
+    explicit Position(double x)
+        : below(static_cast<int>(std::floor(x))), beyond(x - std::floor(x)) {}
+};
+
+DVec3 sample_faces(const StoredArrays::Mip& mip, const DVec3& w) {
     const FaceUv at = face_uv(w);
-    const int s = mip.face_size;
-    const double x = (at.u + 1) / 2 * s - 0.5, y = (at.v + 1) / 2 * s - 0.5;
-    const int column = static_cast<int>(std::floor(x)), row = static_cast<int>(std::floor(y));
-    const double fx = x - column, fy = y - row;
+    const int s = mip.width;
+    const Position x((at.u + 1) / 2 * s - 0.5), y((at.v + 1) / 2 * s - 0.5);
     std::array<std::optional<DVec3>, 4> corners;
     DVec3 sum_of_three{0};
     for (int k = 0; k < 4; ++k) {
         const auto corner = static_cast<std::size_t>(k);
-        corners[corner] = texel_across_edges(mip, at.face, row + k / 2, column + k % 2);
+        corners[corner] = texel_across_edges(mip, at.face, y.below + k / 2, x.below + k % 2);
         if (corners[corner]) sum_of_three += *corners[corner];
     }
-    const std::array<double, 4> weights{(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy};
+    const std::array<double, 4> weights{
+        (1 - x.beyond) * (1 - y.beyond), x.beyond * (1 - y.beyond), (1 - x.beyond) * y.beyond,
+        x.beyond * y.beyond};
     DVec3 sum{0};
     for (std::size_t k = 0; k < 4; ++k)
         sum += weights[k] * (corners[k] ? *corners[k] : sum_of_three / 3.0);
     return sum;
 }
 
-const StoredArrays::Mip& nearest_stored(const StoredArrays& arrays, int level) {
-    const int first = arrays.mips.front().level, last = arrays.mips.back().level;
-    return arrays.mips[static_cast<std::size_t>(std::clamp(level, first, last) - first)];
-}
-
-DVec3 sample_mips(const StoredArrays& arrays, const DVec3& w, double roughness) {
-    const double position = roughness * (arrays.mip_count - 1);
-    const int below = static_cast<int>(std::floor(position));
-    const double f = position - below;
-    return (1 - f) * sample_level(nearest_stored(arrays, below), w) +
-           f * sample_level(nearest_stored(arrays, below + 1), w);
-}
-
-DVec2 sample_table(const StoredArrays& arrays, double n_dot_v, double roughness) {
-    const int n = arrays.table_size;
-    const auto coordinate = [&](double value) {
-        const double x = arrays.table_axes == runtime::TableAxes::RootsEndPoints
-                             ? std::sqrt(value) * (n - 1)
-                             : value * n - 0.5;
-        return std::clamp(x, 0.0, n - 1.0);
-    };
-    const double x = coordinate(n_dot_v), y = coordinate(roughness);
-    const int column = std::min(static_cast<int>(x), n - 2),
-              row = std::min(static_cast<int>(y), n - 2);
-    const double fx = x - column, fy = y - row;
-    DVec2 sum{0};
+/// Columns wrap around; a row beyond a pole is the outermost one, half a turn away.
+DVec3 sample_image(const StoredArrays::Mip& mip, const DVec3& w) {
+    const double u = std::atan2(w.z, w.x) / (2 * std::numbers::pi) + 0.5;
+    const double v = std::acos(std::clamp(w.y / glm::length(w), -1.0, 1.0)) / std::numbers::pi;
+    const Position x(u * mip.width - 0.5), y(v * mip.height - 0.5);
+    DVec3 sum{0};
     for (int k = 0; k < 4; ++k) {
-        const auto at = static_cast<std::size_t>(2 * ((row + k / 2) * n + column + k % 2));
-        const double weight = (k % 2 != 0 ? fx : 1 - fx) * (k / 2 != 0 ? fy : 1 - fy);
-        sum += weight * DVec2(arrays.table[at], arrays.table[at + 1]);
+        int row = y.below + k / 2, column = x.below + k % 2;
+        if (row < 0 || row >= mip.height) {
+            row = row < 0 ? 0 : mip.height - 1;
+            column += mip.width / 2;
+        }
+        column = (column + mip.width) % mip.width;
+        const double weight = (k % 2 != 0 ? x.beyond : 1 - x.beyond) *
+                              (k / 2 != 0 ? y.beyond : 1 - y.beyond);
+        sum += weight * texel(mip, 0, row, column);
     }
     return sum;
 }
+
+DVec3 sample_level(const StoredArrays::Mip& mip, const DVec3& w) {
+    return mip.faces == 6 ? sample_faces(mip, w) : sample_image(mip, w);
+}
+
+/// The specular side of a bundle as one lobe sees it.
+struct LobeSamples {
+    const StoredArrays& arrays;
+    std::vector<const StoredArrays::Mip*> mips;
+    const StoredArrays::Lobe& lobe;
+
+    LobeSamples(const StoredArrays& all, const StoredArrays::Lobe& one) : arrays(all), lobe(one) {
+        // The mirror is the same for both lobes, and stored once.
+        const bool shares = &one != &all.ggx && !one.mips.empty() && one.mips[0].level == 1 &&
+                            !all.ggx.mips.empty() && all.ggx.mips[0].level == 0;
+        if (shares) mips.push_back(&all.ggx.mips[0]);
+        for (const StoredArrays::Mip& mip : one.mips) mips.push_back(&mip);
+    }
+
+    const StoredArrays::Mip& nearest_stored(int level) const {
+        const int first = mips.front()->level, last = mips.back()->level;
+        return *mips[static_cast<std::size_t>(std::clamp(level, first, last) - first)];
+    }
+
+    DVec3 radiance(const DVec3& w, double roughness) const {
+        const Position level(roughness * (arrays.mip_count - 1));
+        return (1 - level.beyond) * sample_level(nearest_stored(level.below), w) +
+               level.beyond * sample_level(nearest_stored(level.below + 1), w);
+    }
+
+    DVec2 albedo(double n_dot_v, double roughness) const {
+        const int n = lobe.table_size;
+        const auto coordinate = [&](double value, double power) {
+            const double x = arrays.table_axes == runtime::TableAxes::RootsEndPoints
+                                 ? std::pow(value, power) * (n - 1)
+                                 : value * n - 0.5;
+            return std::clamp(x, 0.0, n - 1.0);
+        };
+        const double x = coordinate(n_dot_v, 1.0 / 4), y = coordinate(roughness, 1.0 / 2);
+        const int column = std::min(static_cast<int>(x), n - 2),
+                  row = std::min(static_cast<int>(y), n - 2);
+        const double fx = x - column, fy = y - row;
+        DVec2 sum{0};
+        for (int k = 0; k < 4; ++k) {
+            const auto at = static_cast<std::size_t>(2 * ((row + k / 2) * n + column + k % 2));
+            const double weight = (k % 2 != 0 ? fx : 1 - fx) * (k / 2 != 0 ? fy : 1 - fy);
+            sum += weight * DVec2(lobe.table[at], lobe.table[at + 1]);
+        }
+        return sum;
+    }
+};
 
 DVec3 uniform_direction(RandomStream& random) {
     const double z = 1 - 2 * random.next();
@@ -206,14 +253,16 @@ void ask_irradiance(const StoredArrays& arrays, SelfTest& test) {
     }
 }
 
-void ask_specular(const StoredArrays& arrays, SelfTest& test) {
+SelfTest::Specular ask_specular(const StoredArrays& arrays, const StoredArrays::Lobe& lobe) {
+    SelfTest::Specular questions;
+    if (lobe.mips.empty() || lobe.table_size == 0) return questions;
+    const LobeSamples samples(arrays, lobe);
+    const auto roughness_of = [&](const StoredArrays::Mip& mip) {
+        return static_cast<double>(mip.level) / (arrays.mip_count - 1);
+    };
+    const double least = arrays.mip_count > 1 ? roughness_of(*samples.mips.front()) : 0.0;
+    const double most = arrays.mip_count > 1 ? roughness_of(*samples.mips.back()) : 1.0;
     RandomStream random(0, 0x73656c66, 0);
-    const double least = arrays.mip_count > 1 ? static_cast<double>(arrays.mips.front().level) /
-                                                    (arrays.mip_count - 1)
-                                              : 0.0;
-    const double most = arrays.mip_count > 1
-                            ? static_cast<double>(arrays.mips.back().level) / (arrays.mip_count - 1)
-                            : 1.0;
     int asked = 0;
     for (int attempt = 0; asked < kSpecularCount && attempt < 20 * kSpecularCount; ++attempt) {
         const DVec3 n = as_stored(uniform_direction(random));
@@ -223,20 +272,21 @@ void ask_specular(const StoredArrays& arrays, SelfTest& test) {
         const double n_dot_v = glm::dot(n, v);
         if (n_dot_v < 0.05) continue;
         const DVec3 r = 2 * n_dot_v * n - v;
-        const DVec3 radiance = sample_mips(arrays, r, roughness);
+        const DVec3 radiance = samples.radiance(r, roughness);
         const auto moved_too_far = [&](const DVec3& by) {
-            const DVec3 moved = sample_mips(arrays, r + 1e-6 * by, roughness);
+            const DVec3 moved = samples.radiance(r + 1e-6 * by, roughness);
             return glm::any(glm::greaterThan(glm::abs(moved - radiance), 1e-4 * radiance));
         };
         if (moved_too_far({1, 0, 0}) || moved_too_far({0, 1, 0}) || moved_too_far({0, 0, 1}))
             continue;
-        const DVec2 ab = sample_table(arrays, n_dot_v, roughness);
-        for (const DVec3& w : {n, v}) push(test.specular_input, w);
-        test.specular_input.push_back(roughness);
-        test.specular_input.push_back(r0);
-        push(test.specular_value, radiance * (static_cast<double>(r0) * ab.x + ab.y));
+        const DVec2 ab = samples.albedo(n_dot_v, roughness);
+        for (const DVec3& w : {n, v}) push(questions.input, w);
+        questions.input.push_back(roughness);
+        questions.input.push_back(r0);
+        push(questions.value, radiance * (static_cast<double>(r0) * ab.x + ab.y));
         ++asked;
     }
+    return questions;
 }
 
 }  // namespace
@@ -251,7 +301,8 @@ SelfTest make_self_test(const StoredArrays& arrays) {
             push(test.diffuse_value, exit_radiance(arrays, vertex.transport));
         }
     }
-    if (!arrays.mips.empty() && arrays.table_size > 0) ask_specular(arrays, test);
+    test.ggx = ask_specular(arrays, arrays.ggx);
+    test.beckmann = ask_specular(arrays, arrays.beckmann);
     return test;
 }
 

@@ -16,14 +16,19 @@ struct StoredArrays {
 
     struct Mip {
         int level = 0;
-        int face_size = 0;
-        std::vector<float> texels;  ///< [6, size, size, 3]
+        int faces = 6;              ///< 6, or 1: a lat-long image
+        int width = 0, height = 0;  ///< of a face, or of the image
+        int channels = 3;
+        std::vector<float> texels;  ///< [faces, height, width, channels]
     };
-    std::vector<Mip> mips;  ///< ascending levels; empty where skipped
+    /// The specular side of one distribution.
+    struct Lobe {
+        std::vector<Mip> mips;  ///< ascending levels; empty where skipped
+        int table_size = 0;
+        std::vector<float> table;  ///< [roughness, n.v, 2]
+    };
+    Lobe ggx, beckmann;
     int mip_count = 0;
-
-    int table_size = 0;
-    std::vector<float> table;  ///< [roughness, n.v, 2]
     runtime::TableAxes table_axes = runtime::TableAxes::RootsEndPoints;
 
     struct Vertex {
@@ -44,8 +49,12 @@ struct SelfTest {
     std::vector<float> irradiance_value;        ///< [k, 3]
     std::vector<std::uint32_t> diffuse_vertex;  ///< [k, 2]: mesh, vertex
     std::vector<float> diffuse_value;           ///< [k, 3]: exit radiance for albedo 1
-    std::vector<float> specular_input;          ///< [k, 8]: n, v, perceptual roughness, R0
-    std::vector<float> specular_value;          ///< [k, 3]
+
+    struct Specular {
+        std::vector<float> input;  ///< [k, 8]: n, v, perceptual roughness, R0
+        std::vector<float> value;  ///< [k, 3]
+    };
+    Specular ggx, beckmann;
 };
 
 /// Works the answers out in double from the stored arrays, by the words of docs/format.md and

@@ -17,11 +17,32 @@ namespace envbake {
 
 namespace {
 
+/// The arrays and the members of the metadata of one distribution of normals.
+struct LobeNames {
+    std::string_view mips;  ///< environment/MIPS/K, environment.MIPS
+    std::string_view brdf;  ///< brdf/BRDF, brdf.BRDF
+};
+constexpr LobeNames kGgx{"mips", "ggx"};
+constexpr LobeNames kBeckmann{"mips_beckmann", "beckmann"};
+
 /// What docs/format.md says of a name; Unknown where it says nothing.
 struct KnownName {
-    enum class Kind { Unknown, Metadata, Sh, Mip, Ggx, Diffuse, Unshadowed, Question, Answer };
+    enum class Kind {
+        Unknown,
+        Metadata,
+        Lights,
+        Sh,
+        Mip,
+        Table,
+        AverageAlbedo,
+        Diffuse,
+        Unshadowed,
+        Question,
+        Answer
+    };
     Kind kind = Kind::Unknown;
     std::uint64_t number = 0;                                ///< K of a mip, I of a mesh
+    const LobeNames* lobe = nullptr;                         ///< of what is baked for each lobe
     std::uint64_t columns = 0;                               ///< of a self-test's array
     format::ElementType element = format::ElementType::F32;  ///< of a self-test's array
 };
@@ -38,6 +59,9 @@ constexpr QuestionGroup kDiffuse{"selftest/diffuse/vertex", "selftest/diffuse/va
                                  format::ElementType::U32};
 constexpr QuestionGroup kSpecular{"selftest/specular/input", "selftest/specular/value", 8,
                                   format::ElementType::F32};
+constexpr QuestionGroup kSpecularBeckmann{"selftest/specular_beckmann/input",
+                                          "selftest/specular_beckmann/value", 8,
+                                          format::ElementType::F32};
 
 /// Takes a decimal number without leading zeros off the front; one that does not fit saturates.
 std::optional<std::uint64_t> take_number(std::string_view& text) {
@@ -53,20 +77,34 @@ std::optional<std::uint64_t> take_number(std::string_view& text) {
 KnownName known_name(std::string_view name) {
     using Kind = KnownName::Kind;
     if (name == format::kMetadataName) return {Kind::Metadata};
-    if (name == "environment/sh") return {Kind::Sh};
-    if (name == "brdf/ggx") return {Kind::Ggx};
-    for (const QuestionGroup& group : {kIrradiance, kDiffuse, kSpecular}) {
-        if (name == group.question) return {Kind::Question, 0, group.columns, group.element};
-        if (name == group.answer) return {Kind::Answer, 0, 3, format::ElementType::F32};
+    if (name == "environment/lights") return {Kind::Lights};
+    if (name == "environment/sh" || name == "environment/irradiance") return {Kind::Sh};
+    for (const QuestionGroup& group : {kIrradiance, kDiffuse, kSpecular, kSpecularBeckmann}) {
+        if (name == group.question)
+            return {Kind::Question, 0, nullptr, group.columns, group.element};
+        if (name == group.answer) return {Kind::Answer, 0, nullptr, 3, format::ElementType::F32};
     }
     const auto take = [&](std::string_view prefix) {
         const bool starts = name.substr(0, prefix.size()) == prefix;
         if (starts) name.remove_prefix(prefix.size());
         return starts;
     };
-    if (take("environment/mips/")) {
-        const auto level = take_number(name);
-        if (level && name.empty()) return {Kind::Mip, *level};
+    const auto take_lobe = [&](std::string_view LobeNames::*part) -> const LobeNames* {
+        // The longer of two names that begin alike comes first.
+        for (const LobeNames* lobe : {&kBeckmann, &kGgx})
+            if (take(lobe->*part)) return lobe;
+        return nullptr;
+    };
+    if (take("brdf/")) {
+        const LobeNames* lobe = take_lobe(&LobeNames::brdf);
+        if (lobe && name.empty()) return {Kind::Table, 0, lobe};
+        if (lobe && name == "_average_albedo") return {Kind::AverageAlbedo, 0, lobe};
+    } else if (take("environment/")) {
+        const LobeNames* lobe = take_lobe(&LobeNames::mips);
+        if (lobe && take("/")) {
+            const auto level = take_number(name);
+            if (level && name.empty()) return {Kind::Mip, *level, lobe};
+        }
     } else if (take("mesh/")) {
         const auto mesh = take_number(name);
         if (mesh && name == "/diffuse") return {Kind::Diffuse, *mesh};
@@ -85,6 +123,26 @@ bool is_integer(const Json& json, std::uint64_t least, std::uint64_t most) {
 Json member(const Json& json, const char* key) {
     return json.is_object() && json.contains(key) ? json.at(key) : Json();
 }
+
+bool is_channels(std::uint64_t count) {
+    return count == 3 || count == 1;
+}
+
+/// [6, s, s, channels] or [2 s, 4 s, channels].
+struct MipShape {
+    bool cube;
+    std::uint64_t size;  ///< s
+    std::uint64_t channels;
+
+    static std::optional<MipShape> of(const format::ArrayInfo& info) {
+        const auto& s = info.shape;
+        if (info.rank == 4 && s[0] == 6 && s[1] > 0 && s[1] == s[2] && is_channels(s[3]))
+            return MipShape{true, s[1], s[3]};
+        if (info.rank == 3 && s[0] > 0 && s[0] % 2 == 0 && s[1] == 2 * s[0] && is_channels(s[2]))
+            return MipShape{false, s[0] / 2, s[2]};
+        return std::nullopt;
+    }
+};
 
 class Validation {
   public:
@@ -175,7 +233,8 @@ class Validation {
             if (known.kind == KnownName::Kind::Mip && s.min < 0)
                 add(105, "Negative", concat("array ", info.name, ": radiance down to ", s.min));
         }
-        if (findings_.empty()) check_face_sizes();
+        for (const LobeNames* lobe : {&kGgx, &kBeckmann})
+            if (findings_.empty()) check_mip_sizes(*lobe);
         if (findings_.empty()) check_metadata_agrees();
     }
 
@@ -208,21 +267,28 @@ class Validation {
                 require_type(info, {ElementType::U8});
                 require_shape(info, info.rank == 1, "[bytes]");
                 break;
+            case Kind::Lights:
+                require_type(info, {ElementType::F32});
+                require_shape(info, info.rank == 2 && s[1] == 9, "[k, 9]");
+                break;
             case Kind::Sh:
                 require_type(info, {ElementType::F32});
-                require_shape(info, info.rank == 2 && is_square(s[0]) && s[1] == 3,
-                              "[n*n, 3] for n of 1 to 10");
+                require_shape(info, info.rank == 2 && is_square(s[0]) && is_channels(s[1]),
+                              "[n*n, 3] or [n*n, 1] for n of 1 to 10");
                 break;
             case Kind::Mip:
                 require_type(info, {ElementType::F32, ElementType::F16});
-                require_shape(info,
-                              info.rank == 4 && s[0] == 6 && s[1] > 0 && s[1] == s[2] && s[3] == 3,
-                              "[6, s, s, 3]");
+                require_shape(info, MipShape::of(info).has_value(),
+                              "[6, s, s, c] or [2 s, 4 s, c] for c of 1 or 3");
                 break;
-            case Kind::Ggx:
-                require_type(info, {ElementType::F32});
+            case Kind::Table:
+                require_type(info, {ElementType::F32, ElementType::F16});
                 require_shape(info, info.rank == 3 && s[0] > 1 && s[0] == s[1] && s[2] == 2,
                               "[n, n, 2]");
+                break;
+            case Kind::AverageAlbedo:
+                require_type(info, {ElementType::F32});
+                require_shape(info, info.rank == 1, "[n]");
                 break;
             case Kind::Diffuse:
             case Kind::Unshadowed:
@@ -240,57 +306,83 @@ class Validation {
     }
 
     struct StoredMip {
-        std::uint64_t level, face_size;
+        std::string name;
+        std::uint64_t level;
+        MipShape shape;
     };
     /// By level: the table has 10 before 2.
-    std::vector<StoredMip> stored_mips() const {
+    std::vector<StoredMip> stored_mips(const LobeNames& lobe) const {
         std::vector<StoredMip> mips;
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
             const KnownName known = known_name(info.name);
-            if (known.kind == KnownName::Kind::Mip) mips.push_back({known.number, info.shape[1]});
+            if (known.kind == KnownName::Kind::Mip && known.lobe == &lobe)
+                mips.push_back({std::string(info.name), known.number, *MipShape::of(info)});
         }
         std::sort(mips.begin(), mips.end(),
                   [](const StoredMip& a, const StoredMip& b) { return a.level < b.level; });
         return mips;
     }
 
-    void check_face_sizes() {
-        const std::vector<StoredMip> mips = stored_mips();
+    /// Every mip of a chain has the layout and channels of the first, and the size that follows.
+    void check_mip_sizes(const LobeNames& lobe) {
+        const std::vector<StoredMip> mips = stored_mips(lobe);
         for (const StoredMip& mip : mips) {
+            const MipShape& first = mips[0].shape;
             const std::uint64_t below = std::min<std::uint64_t>(mip.level - mips[0].level, 63);
-            const std::uint64_t expected = std::max<std::uint64_t>(1, mips[0].face_size >> below);
-            if (mip.face_size != expected)
+            const std::uint64_t expected = std::max<std::uint64_t>(1, first.size >> below);
+            if (mip.shape.cube != first.cube || mip.shape.channels != first.channels)
                 add(103, "ArrayShape",
-                    concat("array environment/mips/", mip.level, ": its faces are ", mip.face_size,
-                           " texels wide, ", expected, " follow from mip ", mips[0].level));
+                    concat("array ", mip.name, ": its layout or channels are not those of ",
+                           mips[0].name));
+            else if (mip.shape.size != expected)
+                add(103, "ArrayShape",
+                    concat("array ", mip.name, ": its size is ", mip.shape.size, ", ", expected,
+                           " follows from ", mips[0].name));
         }
     }
 
     void wrong_field(std::string message) { add(101, "MetadataField", std::move(message)); }
 
     void check_metadata_agrees() {
-        check_mips_member();
         check_meshes_member();
         check_self_test_member();
-        if (reader_.find("brdf/ggx")) {
-            const Json axes = member(member(member(metadata_, "brdf"), "ggx"), "axes");
-            if (axes != "sqrt" && axes != "linear")
-                wrong_field("brdf.ggx.axes is neither \"sqrt\" nor \"linear\"");
+        const Json lights = member(member(metadata_, "environment"), "lights");
+        if (reader_.find("environment/lights") && !member(lights, "extracted").is_boolean())
+            wrong_field("environment.lights.extracted is neither true nor false");
+        for (const LobeNames* lobe : {&kGgx, &kBeckmann}) {
+            check_mips_member(*lobe);
+            check_table(*lobe);
         }
     }
 
-    void check_mips_member() {
-        const std::vector<StoredMip> stored = stored_mips();
-        const Json mips = member(member(metadata_, "environment"), "mips");
+    void check_table(const LobeNames& lobe) {
+        const auto table = reader_.find(concat("brdf/", lobe.brdf));
+        const auto average = reader_.find(concat("brdf/", lobe.brdf, "_average_albedo"));
+        if (average && (!table || average->shape[0] != table->shape[0]))
+            add(103, "ArrayShape",
+                concat("array ", average->name, ": not one value for each row of brdf/",
+                       lobe.brdf));
+        if (!table) return;
+        const Json axes =
+            member(member(member(metadata_, "brdf"), std::string(lobe.brdf).c_str()), "axes");
+        if (axes != "roots" && axes != "linear")
+            wrong_field(concat("brdf.", lobe.brdf, ".axes is neither \"roots\" nor \"linear\""));
+    }
+
+    void check_mips_member(const LobeNames& lobe) {
+        const std::vector<StoredMip> stored = stored_mips(lobe);
+        const std::string name = concat("environment.", lobe.mips);
+        const Json mips = member(member(metadata_, "environment"), std::string(lobe.mips).c_str());
         if (stored.empty() && mips.is_null()) return;
         const Json count = member(mips, "count"), levels = member(mips, "levels");
         if (!is_integer(count, 1, 16)) {
-            wrong_field("environment.mips.count is no integer of 1 to 16");
+            wrong_field(concat(name, ".count is no integer of 1 to 16"));
             return;
         }
         if (!levels.is_array() || levels.size() != stored.size()) {
-            wrong_field("environment.mips.levels does not list the arrays environment/mips/K");
+            wrong_field(concat(name, ".levels does not list the arrays environment/", lobe.mips,
+                               "/K"));
             return;
         }
         const auto steps = static_cast<double>(count.get<std::uint64_t>() - 1);
@@ -299,20 +391,27 @@ class Validation {
             const Json roughness = member(levels[i], "roughness");
             if (level != stored[0].level + i)
                 wrong_field(
-                    concat("mip ", stored[0].level + i, " is not stored, but mip ", level, " is"));
+                    concat("mip ", stored[0].level + i, " is not stored, but ", stored[i].name,
+                           " is"));
             else if (level >= count.get<std::uint64_t>())
-                wrong_field(concat("environment.mips.count is not above mip ", level));
+                wrong_field(concat(name, ".count is not above ", stored[i].name));
             else if (!is_integer(member(levels[i], "level"), level, level) ||
-                     !is_integer(member(levels[i], "face_size"), stored[i].face_size,
-                                 stored[i].face_size))
-                wrong_field(concat("environment.mips.levels[", i,
-                                   "] is not array environment/mips/", level,
-                                   " with its face size"));
+                     !has_size(levels[i], stored[i].shape))
+                wrong_field(concat(name, ".levels[", i, "] is not array ", stored[i].name,
+                                   " with its size"));
             else if (const double expected = steps > 0 ? static_cast<double>(level) / steps : 0;
                      !roughness.is_number() ||
                      !(std::abs(roughness.get<double>() - expected) <= 1e-6))
-                wrong_field(concat("environment.mips.levels[", i, "].roughness is not ", expected));
+                wrong_field(concat(name, ".levels[", i, "].roughness is not ", expected));
         }
+    }
+
+    static bool has_size(const Json& level, const MipShape& shape) {
+        const auto is = [&](const char* key, std::uint64_t value) {
+            return is_integer(member(level, key), value, value);
+        };
+        return shape.cube ? is("face_size", shape.size)
+                          : is("width", 4 * shape.size) && is("height", 2 * shape.size);
     }
 
     void check_meshes_member() {
@@ -361,6 +460,7 @@ class Validation {
         check_group(kIrradiance, has_lighting);
         check_group(kDiffuse, has_lighting && has_diffuse);
         check_group(kSpecular, false);
+        check_group(kSpecularBeckmann, false);
 
         const Json self_test = member(metadata_, "self_test");
         if (!asked && self_test.is_null()) return;

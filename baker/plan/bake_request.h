@@ -2,11 +2,20 @@
 #pragma once
 
 #include "envbake/runtime/brdf.h"
+#include "envbake/runtime/mip_layout.h"
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
+#include <vector>
 
 namespace envbake {
+
+/// Perceptual roughness, 0 <= min <= max <= 1.
+struct RoughnessRange {
+    double min = 0;
+    double max = 1;
+};
 
 /// What a person asked for. Nothing here depends on what the inputs turn out to be.
 struct BakeRequest {
@@ -16,10 +25,20 @@ struct BakeRequest {
 
     double tolerance = 1e-2;  ///< relative error of transport and of mips
     int bands = 5;            ///< SH bands, 1 .. 10
-    int mip_size = 256;       ///< face edge of mip 0, texels
-    int mip_count = 5;        ///< mip k of n holds roughness k / (n - 1)
-    int table_size = 64;      ///< texels along each axis of the BRDF table
+
+    bool extract_lights = false;  ///< dominant lights are left out of every other lighting array
+    bool irradiance = false;      ///< also bake "environment/irradiance"
+    bool window = false;          ///< damp SH lighting until irradiance is nowhere negative
+
+    std::vector<runtime::Distribution> distributions{runtime::Distribution::Ggx};
+    int mip_size = 256;  ///< face edge of mip 0, texels
+    int mip_count = 5;   ///< mip k of n holds roughness k / (n - 1)
+    runtime::MipLayout mip_layout = runtime::MipLayout::CubeFaces;
+    std::optional<RoughnessRange> roughness_range;  ///< of the mips; empty: what the scene has
+    int table_size = 64;                            ///< texels along each axis of the BRDF tables
     runtime::TableAxes table_axes = runtime::TableAxes::RootsEndPoints;
+    bool half_tables = false;  ///< store them as f16
+
     bool unshadowed = false;  ///< also bake "mesh/I/unshadowed"
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/plan/facts.h"
 
+#include "baker/core/parallel.h"
 #include "envbake/runtime/cube.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
+#include <utility>
 
 namespace envbake {
 
@@ -15,23 +18,39 @@ float largest(const Vec3& v) {
     return std::max({v.x, v.y, v.z});
 }
 
-/// Steradians of a texel, exact for both grids.
-struct TexelSolidAngle {
-    const Environment& environment;
+/// The solid angles of the texels of one row, of the image or of any face.
+std::vector<double> solid_angles(const std::variant<LatLongGrid, CubeGrid>& any_grid,
+                                 std::size_t row) {
+    std::vector<double> omegas;
+    if (const auto* grid = std::get_if<LatLongGrid>(&any_grid)) {
+        // cos upper - cos lower without its cancellation.
+        const double upper = grid->theta_edges[row], lower = grid->theta_edges[row + 1];
+        const double height = 2 * std::sin((lower + upper) / 2) * std::sin((lower - upper) / 2);
+        for (std::size_t c = 0; c + 1 < grid->phi_edges.size(); ++c)
+            omegas.push_back(height * (grid->phi_edges[c + 1] - grid->phi_edges[c]));
+        return omegas;
+    }
+    const std::vector<double>& edges = std::get<CubeGrid>(any_grid).edges;
+    for (std::size_t c = 0; c + 1 < edges.size(); ++c)
+        omegas.push_back(cube::solid_angle(edges[c], edges[c + 1], edges[row], edges[row + 1]));
+    return omegas;
+}
 
-    double operator()(std::size_t texel) const {
-        if (const auto* grid = std::get_if<LatLongGrid>(&environment.grid)) {
-            const std::size_t row = texel / static_cast<std::size_t>(grid->width);
-            const std::size_t column = texel % static_cast<std::size_t>(grid->width);
-            return (std::cos(grid->theta_edges[row]) - std::cos(grid->theta_edges[row + 1])) *
-                   (grid->phi_edges[column + 1] - grid->phi_edges[column]);
+struct RowFacts {
+    Vec3 low, high;
+    DVec3 flux{0};  ///< radiance times solid angle
+    bool grey = true;
+
+    explicit RowFacts(const Vec3& texel) : low(texel), high(texel) {}
+
+    void add(const Vec3* texels, const std::vector<double>& omegas) {
+        for (std::size_t column = 0; column < omegas.size(); ++column) {
+            const Vec3& L = texels[column];
+            low = glm::min(low, L);
+            high = glm::max(high, L);
+            flux += omegas[column] * DVec3(L);
+            grey = grey && L.x == L.y && L.y == L.z;
         }
-        const auto& cube_grid = std::get<CubeGrid>(environment.grid);
-        const auto size = static_cast<std::size_t>(cube_grid.size);
-        const std::size_t row = texel % (size * size) / size;
-        const std::size_t column = texel % size;
-        return cube::solid_angle(cube_grid.edges[column], cube_grid.edges[column + 1],
-                                 cube_grid.edges[row], cube_grid.edges[row + 1]);
     }
 };
 
@@ -61,21 +80,38 @@ float largest_base_color(const Scene& scene, const Material& material) {
 }  // namespace
 
 EnvironmentFacts collect_facts(const Environment& environment) {
+    const auto* grid = std::get_if<LatLongGrid>(&environment.grid);
+    const auto rows =
+        static_cast<std::size_t>(grid ? grid->height : std::get<CubeGrid>(environment.grid).size);
+    const std::size_t faces = grid ? 1 : cube::kFaceCount;
+    const Vec3& first = environment.radiance.front();
+    std::vector<RowFacts> by_row(rows, RowFacts(first));
+    parallel_for(rows, [&](std::size_t row) {
+        const std::vector<double> omegas = solid_angles(environment.grid, row);
+        for (std::size_t face = 0; face < faces; ++face)
+            by_row[row].add(&environment.radiance[(face * rows + row) * omegas.size()], omegas);
+    });
+
     EnvironmentFacts facts;
-    const TexelSolidAngle solid_angle{environment};
-    Vec3 low = environment.radiance.front(), high = low;
-    double sum = 0;
-    for (std::size_t i = 0; i < environment.radiance.size(); ++i) {
-        const Vec3& L = environment.radiance[i];
-        for (int c = 0; c < 3; ++c) {
-            low[c] = std::min(low[c], L[c]);
-            high[c] = std::max(high[c], L[c]);
-        }
-        sum += solid_angle(i) * (static_cast<double>(L.x) + L.y + L.z) / 3;
+    facts.grey = true;
+    Vec3 low = first, high = first;
+    DVec3 flux(0);
+    for (const RowFacts& row : by_row) {
+        low = glm::min(low, row.low);
+        high = glm::max(high, row.high);
+        flux += row.flux;
+        facts.grey = facts.grey && row.grey;
     }
-    facts.mean = sum / (4 * std::numbers::pi);
+    const DVec3 mean = flux / (4 * std::numbers::pi);
+    facts.mean = (mean.x + mean.y + mean.z) / 3;
     facts.peak = largest(high);
-    facts.constant = largest(high - low) <= 1e-6f * largest(high);
+    for (int c = 0; c < 3; ++c) {
+        const double difference = static_cast<double>(high[c]) - static_cast<double>(low[c]);
+        if (difference > 0) {
+            facts.contrast = std::max(facts.contrast,
+                                      difference / (static_cast<double>(low[c]) + 1e-3 * mean[c]));
+        }
+    }
     return facts;
 }
 

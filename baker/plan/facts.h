@@ -11,10 +11,21 @@
 
 namespace envbake {
 
+struct LightFacts {
+    std::size_t count = 0;
+    double share = 0;            ///< of the environment's energy, all of them
+    double strongest_share = 0;  ///< of the strongest small source, light or not; 0: there is none
+};
+
 struct EnvironmentFacts {
-    bool constant = false;  ///< every texel equals every other to 1e-6 of the largest
-    double mean = 0;        ///< solid-angle mean over the sphere and the three channels
-    double peak = 0;        ///< largest channel of any texel
+    double mean = 0;  ///< solid-angle mean over the sphere and the three channels
+    double peak = 0;  ///< largest channel of any texel
+    /// (largest - least) / (least + 1e-3 mean) of a channel, the worst of them: what any one value
+    /// between them gets wrong at most in place of the map, in the norm of MipsJob::tolerance.
+    double contrast = 0;
+    bool grey = false;  ///< red, green and blue are equal in every texel
+    LightFacts lights;
+    std::vector<double> band_energy;  ///< of the SH bands asked for: sum of squares a band
 };
 
 /// Extremes over a material's factors, textures and vertex colours.
@@ -41,6 +52,7 @@ struct BakeFacts {
     std::vector<MeshFacts> meshes;
 };
 
+/// Everything but lights and SH. One pass over the map; the same bits on any number of threads.
 EnvironmentFacts collect_facts(const Environment& environment);
 std::vector<MaterialFacts> collect_material_facts(const Scene& scene);
 

@@ -2,6 +2,7 @@
 #include "baker/plan/plan.h"
 
 #include "baker/core/text.h"
+#include "baker/lighting/sh_projection.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +10,8 @@
 namespace envbake {
 
 namespace {
+
+using runtime::Distribution;
 
 /// A material is asked for a specular lobe only where it has one: R0 = 0 means that
 /// KHR_materials_specular switched it off. Every other lobe reflects at least the Schlick mean of
@@ -42,74 +45,138 @@ SpecularNeed specular_need(const BakeFacts& facts) {
     return need;
 }
 
-PlannedStage plan_sh(const BakeRequest& request, const BakeFacts& facts) {
-    PlannedStage stage{"environment/sh", "no environment", std::nullopt};
+std::string percentage(double fraction) {
+    return format_number(100 * fraction) + " %";
+}
+
+PlannedStage plan_lights(const BakeRequest& request, const BakeFacts& facts) {
+    PlannedStage stage{"environment/lights", "no environment", std::nullopt};
     if (!facts.environment) return stage;
-    stage.job = ShLightingJob{request.bands};
-    stage.reason = concat(request.bands, " bands of radiance");
+    const LightFacts& lights = facts.environment->lights;
+    if (lights.count == 0) {
+        stage.reason = lights.strongest_share > 0
+                           ? concat("no small light dominates: the strongest has ",
+                                    percentage(lights.strongest_share), " of the energy")
+                           : "no light is small and stands out";
+        return stage;
+    }
+    stage.job = PlannedLights{lights.count};
+    stage.reason = concat(lights.count, lights.count == 1 ? " light has " : " lights have ",
+                          percentage(lights.share), " of the energy",
+                          request.extract_lights ? ", left out of every other array" : "");
     return stage;
 }
 
-/// Why neither mips nor a BRDF table are needed; null where they are.
-const char* why_no_specular(const BakeFacts& facts, const SpecularNeed& need) {
+const char* grey_reason(const EnvironmentFacts& environment) {
+    return environment.grey ? "; the environment is grey: one channel" : "";
+}
+
+int channels_of(const EnvironmentFacts& environment) {
+    return environment.grey ? 1 : 3;
+}
+
+PlannedStage plan_sh(const BakeRequest& request, const BakeFacts& facts, bool irradiance) {
+    PlannedStage stage{irradiance ? "environment/irradiance" : "environment/sh", "no environment",
+                       std::nullopt};
+    if (!facts.environment) return stage;
+    if (irradiance && !request.irradiance) {
+        stage.reason = "not asked for";
+        return stage;
+    }
+    const EnvironmentFacts& environment = *facts.environment;
+    const int bands = bands_worth_storing(environment.band_energy, request.tolerance);
+    stage.job = PlannedSh{bands, channels_of(environment), irradiance, request.window};
+    stage.reason = irradiance ? "environment/sh with the clamped cosine folded in"
+                   : bands == request.bands
+                       ? concat(bands, " bands of radiance")
+                       : concat(bands, " of ", request.bands,
+                                " bands: the others hold less than the tolerance");
+    if (request.window) stage.reason += "; damped until irradiance is nowhere negative";
+    stage.reason += grey_reason(environment);
+    return stage;
+}
+
+bool is_asked_for(const BakeRequest& request, Distribution distribution) {
+    const auto& asked = request.distributions;
+    return std::find(asked.begin(), asked.end(), distribution) != asked.end();
+}
+
+/// Why neither mips nor a BRDF table of this lobe are needed; null where they are.
+const char* why_no_specular(const BakeRequest& request, const BakeFacts& facts,
+                            const SpecularNeed& need, Distribution distribution) {
     if (!facts.environment) return "no environment";
+    if (!is_asked_for(request, distribution)) return "not asked for";
     if (facts.has_scene && need.lobe_count == 0) return "no material has a specular lobe";
     return nullptr;
 }
 
-PlannedStage plan_mips(const BakeRequest& request, const BakeFacts& facts,
-                       const SpecularNeed& need) {
-    PlannedStage stage{"environment/mips", "", std::nullopt};
-    if (const char* reason = why_no_specular(facts, need)) {
+PlannedStage plan_mips(const BakeRequest& request, const BakeFacts& facts, const SpecularNeed& need,
+                       Distribution distribution) {
+    const bool ggx = distribution == Distribution::Ggx;
+    PlannedStage stage{ggx ? "environment/mips" : "environment/mips_beckmann", "", std::nullopt};
+    if (const char* reason = why_no_specular(request, facts, need, distribution)) {
         stage.reason = reason;
         return stage;
     }
-    const int last = request.mip_count - 1;
-    int first_level = 0, last_level = last;
-    if (facts.has_scene && last > 0) {
-        // Trilinear look-ups read the level below and the level above a roughness.
-        const auto steps = static_cast<float>(last);
-        first_level = static_cast<int>(std::floor(need.min_roughness * steps));
-        last_level = static_cast<int>(std::ceil(need.max_roughness * steps));
+    RoughnessRange range;
+    if (request.roughness_range) {
+        range = *request.roughness_range;
+        stage.reason = concat("roughness ", format_number(range.min), " to ",
+                              format_number(range.max), " was asked for");
+    } else if (facts.has_scene) {
+        range = {need.min_roughness, need.max_roughness};
+        stage.reason = concat(need.lobe_count, " of ", need.used_count,
+                              " materials have a specular lobe, of roughness ",
+                              format_number(range.min), " to ", format_number(range.max));
+    } else {
+        stage.reason = "no scene says which roughness is needed: all of them";
     }
+
+    // Trilinear look-ups read the level below and the level above a roughness.
+    const int last = request.mip_count - 1;
+    const int first_level = static_cast<int>(std::floor(range.min * last));
+    const int last_level = static_cast<int>(std::ceil(range.max * last));
+    // Both lobes have the same mirror: GGX keeps it, where anything else is left for Beckmann.
+    const bool has_mirror =
+        !ggx && is_asked_for(request, Distribution::Ggx) && first_level == 0 && last_level > 0;
     PlannedMips mips;
     mips.level_count = request.mip_count;
     mips.job.face_size = request.mip_size;
     mips.job.tolerance = request.tolerance;
-    for (int level = first_level; level <= last_level; ++level) {
+    mips.job.distribution = distribution;
+    mips.job.layout = request.mip_layout;
+    mips.job.channels = channels_of(*facts.environment);
+    for (int level = has_mirror ? 1 : first_level; level <= last_level; ++level) {
         mips.job.levels.push_back(level);
         mips.job.perceptual_roughness.push_back(
             last > 0 ? static_cast<float>(level) / static_cast<float>(last) : 0.0f);
     }
-    if (facts.has_scene)
-        stage.reason =
-            concat(need.lobe_count, " of ", need.used_count,
-                   " materials have a specular lobe, of roughness ",
-                   format_number(need.min_roughness), " to ", format_number(need.max_roughness));
-    else
-        stage.reason = "no scene says which roughness is needed: all of them";
-    if (facts.environment->constant) {
+    if (has_mirror) stage.reason += "; the mirror is environment/mips/0";
+    // Half of the tolerance is left for encoding.
+    if (facts.environment->contrast <= request.tolerance / 2) {
         mips.job.face_size = 1;
-        stage.reason += "; the environment is constant: one texel a level";
+        mips.contrast = facts.environment->contrast;
+        stage.reason += concat("; the environment is constant to ", format_number(mips.contrast),
+                               ": one texel a level");
     }
+    stage.reason += grey_reason(*facts.environment);
     stage.job = std::move(mips);
     return stage;
 }
 
 PlannedStage plan_table(const BakeRequest& request, const BakeFacts& facts,
-                        const SpecularNeed& need) {
-    PlannedStage stage{"brdf/ggx", "", std::nullopt};
-    if (const char* reason = why_no_specular(facts, need)) {
+                        const SpecularNeed& need, Distribution distribution) {
+    PlannedStage stage{distribution == Distribution::Ggx ? "brdf/ggx" : "brdf/beckmann", "",
+                       std::nullopt};
+    if (const char* reason = why_no_specular(request, facts, need, distribution)) {
         stage.reason = reason;
         return stage;
     }
-    stage.job = BrdfTableJob{request.table_size, request.table_axes};
+    stage.job = PlannedTable{
+        {.size = request.table_size, .axes = request.table_axes, .distribution = distribution},
+        request.half_tables};
     stage.reason = "split-sum specular";
     return stage;
-}
-
-std::string percentage(std::uint64_t part, std::uint64_t whole) {
-    return format_number(100.0 * static_cast<double>(part) / static_cast<double>(whole)) + " %";
 }
 
 PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, std::size_t mesh,
@@ -142,7 +209,8 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
     else if (f.free_vertex_count == f.vertex_count)
         stage.reason = "analytic, no rays: nothing stands above any vertex";
     else if (f.free_vertex_count > 0)
-        stage.reason = concat(percentage(f.free_vertex_count, f.vertex_count),
+        stage.reason = concat(percentage(static_cast<double>(f.free_vertex_count) /
+                                         static_cast<double>(f.vertex_count)),
                               " of the vertices have nothing above them and need no rays");
     else
         stage.reason = "something stands above every vertex";
@@ -162,6 +230,11 @@ Expected<void> check_request(const BakeRequest& request, const BakeFacts& facts)
         return usage("--mip-size ", request.mip_size, ": 1 to 4096 are possible");
     if (request.mip_count < 1 || request.mip_count > 16)
         return usage("--mip-count ", request.mip_count, ": 1 to 16 are possible");
+    if (request.roughness_range &&
+        !(request.roughness_range->min >= 0 && request.roughness_range->max <= 1 &&
+          request.roughness_range->min <= request.roughness_range->max))
+        return usage("--roughness-range ", request.roughness_range->min, " ",
+                     request.roughness_range->max, ": 0 <= MIN <= MAX <= 1 are possible");
     if (request.table_size < 2 || request.table_size > 1024)
         return usage("--table-size ", request.table_size, ": 2 to 1024 are possible");
     if (request.rays_per_vertex < 0 || request.rays_per_vertex > 1 << 20)
@@ -169,36 +242,46 @@ Expected<void> check_request(const BakeRequest& request, const BakeFacts& facts)
     return {};
 }
 
-std::uint64_t mip_bytes(const PlannedMips& mips) {
-    std::uint64_t bytes = 0;
-    for (const int level : mips.job.levels) {
-        const auto size = static_cast<std::uint64_t>(std::max(1, mips.job.face_size >> level));
-        bytes += 6 * size * size * 3 * sizeof(float);
+/// Bytes of a stage's arrays, uncompressed.
+struct ArrayBytes {
+    const BakeFacts& facts;
+
+    std::uint64_t operator()(const PlannedLights& lights) const {
+        return lights.count * 9 * sizeof(float);
     }
-    return bytes;
-}
+    std::uint64_t operator()(const PlannedSh& sh) const {
+        return static_cast<std::uint64_t>(sh.bands * sh.bands * sh.channels) * sizeof(float);
+    }
+    std::uint64_t operator()(const PlannedMips& mips) const {
+        const std::uint64_t squares = mips.job.layout == MipLayout::CubeFaces ? 6 : 8;
+        std::uint64_t texels = 0;
+        for (const int level : mips.job.levels) {
+            const auto n = static_cast<std::uint64_t>(std::max(1, mips.job.face_size >> level));
+            texels += squares * n * n;
+        }
+        return texels * static_cast<std::uint64_t>(mips.job.channels) * sizeof(float);
+    }
+    /// With the average albedo of every row.
+    std::uint64_t operator()(const PlannedTable& table) const {
+        const auto size = static_cast<std::uint64_t>(table.job.size);
+        return size * size * 2 * (table.half ? 2 : sizeof(float)) + size * sizeof(float);
+    }
+    std::uint64_t operator()(const PlannedDiffuse& diffuse) const {
+        const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
+        return facts.meshes[diffuse.mesh].vertex_count * coeffs * sizeof(float);
+    }
+};
 
 /// Adds up what the stages will cost. The ray count is the transport stage's own prediction.
 void estimate_cost(BakePlan& plan, const BakeFacts& facts) {
     for (const PlannedStage& stage : plan.stages) {
         if (!stage.job) continue;
-        if (const auto* sh = std::get_if<ShLightingJob>(&*stage.job))
-            plan.output_bytes +=
-                static_cast<std::uint64_t>(sh->bands * sh->bands) * 3 * sizeof(float);
-        else if (const auto* mips = std::get_if<PlannedMips>(&*stage.job))
-            plan.output_bytes += mip_bytes(*mips);
-        else if (const auto* table = std::get_if<BrdfTableJob>(&*stage.job))
-            plan.output_bytes += static_cast<std::uint64_t>(table->size) *
-                                 static_cast<std::uint64_t>(table->size) * 2 * sizeof(float);
-        else if (const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job)) {
-            const MeshFacts& f = facts.meshes[diffuse->mesh];
-            const auto coeffs = static_cast<std::uint64_t>(diffuse->job.bands * diffuse->job.bands);
-            plan.output_bytes += f.vertex_count * coeffs * sizeof(float);
-            if (diffuse->job.shadowed)
-                plan.ray_count +=
-                    (f.vertex_count - f.free_vertex_count) *
-                    static_cast<std::uint64_t>(expected_rays_per_vertex(diffuse->job));
-        }
+        plan.output_bytes += std::visit(ArrayBytes{facts}, *stage.job);
+        const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
+        if (diffuse == nullptr || !diffuse->job.shadowed) continue;
+        const MeshFacts& f = facts.meshes[diffuse->mesh];
+        plan.ray_count += (f.vertex_count - f.free_vertex_count) *
+                          static_cast<std::uint64_t>(expected_rays_per_vertex(diffuse->job));
     }
 }
 
@@ -208,9 +291,13 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
     ENVBAKE_TRY_VOID(check_request(request, facts));
     const SpecularNeed need = specular_need(facts);
     BakePlan plan;
-    plan.stages.push_back(plan_sh(request, facts));
-    plan.stages.push_back(plan_mips(request, facts, need));
-    plan.stages.push_back(plan_table(request, facts, need));
+    plan.stages.push_back(plan_lights(request, facts));
+    plan.stages.push_back(plan_sh(request, facts, /*irradiance=*/false));
+    plan.stages.push_back(plan_sh(request, facts, /*irradiance=*/true));
+    for (const Distribution d : {Distribution::Ggx, Distribution::Beckmann})
+        plan.stages.push_back(plan_mips(request, facts, need, d));
+    for (const Distribution d : {Distribution::Ggx, Distribution::Beckmann})
+        plan.stages.push_back(plan_table(request, facts, need, d));
     for (std::size_t mesh = 0; mesh < facts.meshes.size(); ++mesh) {
         plan.stages.push_back(plan_diffuse(request, facts, mesh, true));
         plan.stages.push_back(plan_diffuse(request, facts, mesh, false));

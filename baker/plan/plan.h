@@ -4,7 +4,6 @@
 #include "baker/brdf/table.h"
 #include "baker/core/error.h"
 #include "baker/lighting/mips.h"
-#include "baker/lighting/sh_projection.h"
 #include "baker/plan/bake_request.h"
 #include "baker/plan/facts.h"
 #include "baker/transport/diffuse.h"
@@ -17,10 +16,29 @@
 
 namespace envbake {
 
+/// The lights that the facts list.
+struct PlannedLights {
+    std::size_t count = 0;
+};
+
+/// "environment/sh", or "environment/irradiance", of the coefficients that the facts were made of.
+struct PlannedSh {
+    int bands = 5;     ///< the first bands of those asked for
+    int channels = 3;  ///< 1: the map is grey
+    bool irradiance = false;
+    bool window = false;
+};
+
 /// One mip chain; a constant environment is one texel a level.
 struct PlannedMips {
     MipsJob job;
     int level_count = 5;
+    double contrast = 0;  ///< error of one texel a level in place of a map that is almost constant
+};
+
+struct PlannedTable {
+    BrdfTableJob job;
+    bool half = false;  ///< stored as f16
 };
 
 struct PlannedDiffuse {
@@ -28,7 +46,7 @@ struct PlannedDiffuse {
     std::size_t mesh = 0;  ///< index into Scene::meshes
 };
 
-using Job = std::variant<ShLightingJob, PlannedMips, BrdfTableJob, PlannedDiffuse>;
+using Job = std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedDiffuse>;
 
 struct PlannedStage {
     std::string output;      ///< array name or prefix: "environment/mips"

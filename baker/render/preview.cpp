@@ -64,6 +64,38 @@ std::vector<Vec3> vertex_light(const Mesh& mesh, const runtime::TransportView& t
     return light;
 }
 
+/// What the extracted lights add to a surface point.
+Vec3 light_reflected(const runtime::Bundle& bundle, const Tracer& tracer, const SurfacePoint& point,
+                     const SurfaceMaterial& material) {
+    Vec3 sum(0);
+    if (!bundle.lights_extracted()) return sum;
+    const Vec3 albedo = material.diffuse_albedo();
+    const runtime::Surface surface{
+        .normal = to_runtime(point.normal),
+        .albedo = {albedo.x, albedo.y, albedo.z},
+        .r0 = {material.r0.x, material.r0.y, material.r0.z},
+        .perceptual_roughness = material.perceptual_roughness,
+        .distribution = bundle.distribution()};
+    for (const runtime::DominantLight& light : bundle.lights()) {
+        const DVec3 towards(light.direction[0], light.direction[1], light.direction[2]);
+        if (tracer.occluded(point.light_origin, towards)) continue;
+        sum += from_runtime(runtime::reflect_light(light, surface, to_runtime(point.to_viewer)));
+    }
+    return sum;
+}
+
+/// Radiance of the extracted lights themselves.
+Vec3 lights_towards(const runtime::Bundle& bundle, const DVec3& direction) {
+    Vec3 sum(0);
+    if (!bundle.lights_extracted()) return sum;
+    for (const runtime::DominantLight& light : bundle.lights()) {
+        const DVec3 towards(light.direction[0], light.direction[1], light.direction[2]);
+        if (glm::length(direction - towards) < static_cast<double>(light.angular_radius))
+            sum += from_runtime(light.irradiance) / light.solid_angle;
+    }
+    return sum;
+}
+
 /// What stands behind the scene.
 Vec3 background_towards(const runtime::Bundle& bundle, const DVec3& direction) {
     const runtime::MipsView& mips = bundle.mips();
@@ -104,6 +136,7 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
         Vec3 sum = material.diffuse_albedo() *
                    (point.barycentric.x * at[corner[0]] + point.barycentric.y * at[corner[1]] +
                     point.barycentric.z * at[corner[2]]);
+        sum += light_reflected(bundle, tracer, point, material);
         if (options.white_lambert) return sum;
         if (material.r0 != Vec3(0)) {
             sum += from_runtime(runtime::specular(
@@ -137,7 +170,8 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
                     if (measured) surface += static_cast<double>(layer.weight);
                 }
                 if (sight.background > 0)
-                    sum += DVec3(sight.background * background_towards(bundle, direction));
+                    sum += DVec3(sight.background * (background_towards(bundle, direction) +
+                                                     lights_towards(bundle, direction)));
             }
             const std::size_t pixel = row * width + static_cast<std::size_t>(x);
             picture.radiance[pixel] = Vec3(sum * per_sight);

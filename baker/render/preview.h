@@ -21,6 +21,9 @@ struct PreviewOptions {
 ///     Lo(v) = Le + albedo * (sum_i l_i T_i, at the vertices, interpolated)
 ///                + prefiltered(reflect(v), roughness) * (R0 A + B)
 ///
+/// Lights that were extracted from the environment are added with shadows, traced in place of an
+/// engine's shadow map, and stand in the background as discs.
+///
 /// The two reflections are added as they are, as in reference.h; the specular one has no shadows.
 /// A mesh without transport is lit by the irradiance of its normals, without shadows; with
 /// `white_lambert`, which is there to measure transport, it does not count as surface. Behind the

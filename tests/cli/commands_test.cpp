@@ -300,6 +300,46 @@ TEST_F(Commands, CompressionChangesTheSizeAndNoValue) {
     for (const json& array : difference["arrays"]) EXPECT_EQ(array["name"], "metadata");
 }
 
+TEST_F(Commands, AConstantGreySkyIsAFewNumbers) {
+    write_file(sky_, radiance_bytes(32, 16, std::vector<float>(32 * 16 * 3, 3.0f)));
+    bake();
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
+    for (const json& array : dump()["arrays"]) {
+        const std::string name = array["name"];
+        if (name == "environment/sh") {
+            EXPECT_EQ(array["shape"], json({1, 1}));
+        } else if (name.rfind("environment/mips/", 0) == 0) {
+            EXPECT_EQ(array["shape"], json({6, 1, 1, 1}));
+            EXPECT_EQ(array["min"], 3);
+            EXPECT_EQ(array["max"], 3);
+        }
+        EXPECT_NE(name, "environment/lights");
+    }
+    const Outcome plan = envbake({"plan", "--env", sky_});
+    for (const char* reason : {"1 of 5 bands", "grey: one channel", "one texel a level",
+                               "no light is small and stands out"})
+        EXPECT_NE(plan.out.find(reason), std::string::npos) << reason << "\n" << plan.out;
+}
+
+TEST_F(Commands, EveryLightingOptionMakesAValidBundle) {
+    const std::vector<std::vector<std::string>> options{
+        {"--distribution", "beckmann"},
+        {"--distribution", "both", "--half-tables", "--table-axes", "linear"},
+        {"--mip-layout", "lat-long", "--compress"},
+        {"--irradiance", "--window", "--extract-lights"},
+        {"--roughness-range", "0.1", "0.4"}};
+    for (const auto& more : options) {
+        bake(more);
+        const Outcome valid = envbake({"validate", bundle_});
+        EXPECT_EQ(valid.status, 0) << more[0] << " " << valid.out;
+        EXPECT_EQ(envbake({"dump", bundle_}).status, 0) << more[0];
+        EXPECT_NE(envbake(bake_arguments(more)).err.find("up to date"), std::string::npos);
+    }
+    EXPECT_EQ(envbake(bake_arguments({"--distribution", "phong"})).status, 2);
+    EXPECT_EQ(envbake(bake_arguments({"--roughness-range", "0.5", "0.4"})).status, 2);
+    EXPECT_EQ(envbake(bake_arguments({"--roughness-range", "0.5"})).status, 2);
+}
+
 TEST_F(Commands, DiffSaysWhatAndHowMuch) {
     bake();
     const std::string other = (folder_ / "other.envb").string();

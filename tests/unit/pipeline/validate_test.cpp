@@ -244,7 +244,7 @@ TEST_F(Validate, VertexCountsAndFaceSizesMustAgree) {
     content.metadata.replace(content.metadata.find("\"face_size\":1"), 13, "\"face_size\":2");
     EXPECT_EQ(codes(content), Codes{101});
     content = {};
-    content.metadata.replace(content.metadata.find("sqrt"), 4, "cubic");
+    content.metadata.replace(content.metadata.find("roots"), 5, "cubic");
     EXPECT_EQ(codes(content), Codes{101});
 }
 
@@ -297,6 +297,69 @@ TEST_F(Validate, MipsFollowFromTheirFirstAndAreListedInOrder) {
                 add_ones(writer, "environment/mips/" + std::to_string(level), {6, size, size, 3});
         };
         EXPECT_EQ(codes(content), chain.codes);
+    }
+}
+
+TEST_F(Validate, GreyLatLongMipsOfBothLobesAreGood) {
+    Content content;
+    content.mip.assign(8 * 16, 1.0f);
+    content.mip_shape = {8, 16, 1};
+    content.replace("\"count\":1", "\"count\":3");
+    const std::string level_1 = R"({"level":1,"width":8,"height":4,"roughness":0.5})";
+    const std::string lists = R"({"level":0,"width":16,"height":8,"roughness":0},)" + level_1;
+    content.replace(R"({"level":0,"face_size":1,"roughness":0})", lists);
+    content.replace(R"("mips":)", R"("lights":{"extracted":false},"mips":)");
+    content.replace(R"("mips":)", R"("mips_beckmann":{"count":3,"levels":[)" + level_1 + R"(]},"mips":)");
+    content.replace(R"("ggx":)", R"("beckmann":{"axes":"linear"},"ggx":)");
+    content.also = [](Writer& writer) {
+        add_ones(writer, "environment/mips/1", {4, 8, 1});
+        add_ones(writer, "environment/mips_beckmann/1", {4, 8, 1});
+        add_ones(writer, "environment/lights", {2, 9});
+        add_ones(writer, "environment/irradiance", {9, 1});
+        add_ones(writer, "brdf/ggx_average_albedo", {2});
+        add_ones(writer, "brdf/beckmann", {4, 4, 2});
+        add_ones(writer, "brdf/beckmann_average_albedo", {4});
+    };
+    EXPECT_EQ(codes(content), Codes{});
+}
+
+TEST_F(Validate, LightingArraysHaveTheirShapes) {
+    const std::vector<std::pair<int, std::function<void(Writer&)>>> faults{
+        {103, [](Writer& w) { add_ones(w, "environment/lights", {1, 8}); }},
+        {103, [](Writer& w) { add_ones(w, "environment/lights", {9}); }},
+        {102,
+         [](Writer& w) {
+             EXPECT_TRUE(w.add<std::uint32_t>("environment/lights", {1, 9},
+                                              std::vector<std::uint32_t>(9)));
+         }},
+        {101, [](Writer& w) { add_ones(w, "environment/lights", {1, 9}); }},  // extracted?
+        {103, [](Writer& w) { add_ones(w, "environment/irradiance", {4, 2}); }},
+        {103, [](Writer& w) { add_ones(w, "environment/mips_beckmann/0", {6, 1, 1, 2}); }},
+        {103, [](Writer& w) { add_ones(w, "environment/mips_beckmann/0", {3, 6, 3}); }},
+        {103, [](Writer& w) { add_ones(w, "environment/mips_beckmann/0", {4, 6, 3}); }},
+        {101, [](Writer& w) { add_ones(w, "environment/mips_beckmann/0", {6, 1, 1, 3}); }},
+        {103, [](Writer& w) { add_ones(w, "brdf/beckmann", {4, 3, 2}); }},
+        {101, [](Writer& w) { add_ones(w, "brdf/beckmann", {4, 4, 2}); }},
+        {103, [](Writer& w) { add_ones(w, "brdf/ggx_average_albedo", {3}); }},
+        {103, [](Writer& w) { add_ones(w, "brdf/beckmann_average_albedo", {4}); }},
+        {101, [](Writer& w) { add_ones(w, "selftest/specular_beckmann/input", {1, 8}); }},
+        {101, [](Writer& w) { add_ones(w, "selftest/specular_beckmann/value", {1, 3}); }},
+    };
+    for (std::size_t i = 0; i < faults.size(); ++i) {
+        Content content;
+        content.also = faults[i].second;
+        EXPECT_EQ(codes(content), Codes{faults[i].first}) << i;
+    }
+}
+
+TEST_F(Validate, TheMipsOfAChainAreOfAKind) {
+    for (const std::vector<std::uint64_t>& shape :
+         {std::vector<std::uint64_t>{6, 1, 1, 1}, {2, 4, 3}}) {
+        Content content;
+        content.mip.assign(6 * 2 * 2 * 3, 1.0f);
+        content.mip_shape = {6, 2, 2, 3};
+        content.also = [&](Writer& writer) { add_ones(writer, "environment/mips/1", shape); };
+        EXPECT_EQ(codes(content), Codes{103});
     }
 }
 

@@ -34,13 +34,30 @@ TEST(EnvironmentFacts, CubeTexelsToo) {
     EXPECT_NEAR(collect_facts(environment).mean, 1, 1e-12);
 }
 
-TEST(EnvironmentFacts, ConstantMeansEveryTexel) {
+TEST(EnvironmentFacts, ContrastIsThatOfEveryTexelAndChannel) {
     Environment environment = grey(8, 4, 2);
-    EXPECT_TRUE(collect_facts(environment).constant);
-    environment.radiance[17].y = 2.001f;
-    EXPECT_FALSE(collect_facts(environment).constant);
-    EXPECT_FLOAT_EQ(static_cast<float>(collect_facts(environment).peak), 2.001f);
-    EXPECT_TRUE(collect_facts(grey(8, 4, 0)).constant) << "black is constant";
+    EXPECT_EQ(collect_facts(environment).contrast, 0);
+    EXPECT_EQ(collect_facts(grey(8, 4, 0)).contrast, 0) << "black is constant";
+    environment.radiance[17].y = 2.002f;
+    EXPECT_NEAR(collect_facts(environment).contrast, 0.002 / 2.002, 1e-7);
+    EXPECT_NEAR(collect_facts(environment).peak, 2.002, 1e-6);
+    // One lit texel on black: 1 / (1e-3 mean).
+    environment = grey(4, 2, 0);
+    environment.radiance[3].z = 5;
+    EXPECT_NEAR(collect_facts(environment).contrast, 5 / (1e-3 * 5 / 8), 1e-3);
+}
+
+TEST(EnvironmentFacts, GreyMeansEveryTexelExactly) {
+    Environment cube;
+    cube.grid = make_cube_grid(2);
+    cube.radiance.assign(24, Vec3(0.3f));
+    for (Environment environment : {grey(8, 4, 0.3f), cube}) {
+        EXPECT_TRUE(collect_facts(environment).grey);
+        environment.radiance[5] = Vec3(100);
+        EXPECT_TRUE(collect_facts(environment).grey);
+        environment.radiance.back().z = std::nextafter(0.3f, 1.0f);
+        EXPECT_FALSE(collect_facts(environment).grey);
+    }
 }
 
 Scene scene_with(Material material) {

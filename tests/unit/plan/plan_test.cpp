@@ -6,11 +6,19 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <vector>
 
 namespace envbake {
 namespace {
 
-constexpr EnvironmentFacts kSky{.constant = false, .mean = 1, .peak = 80000};
+/// A photograph with a sun: colours, contrast, energy in every band.
+EnvironmentFacts sky() {
+    return {.mean = 1,
+            .peak = 80000,
+            .contrast = 1e6,
+            .lights = {.count = 1, .share = 0.3, .strongest_share = 0.3},
+            .band_energy = std::vector<double>(5, 1.0)};
+}
 
 MaterialFacts dielectric(float roughness) {
     return {.name = "clay",
@@ -30,7 +38,7 @@ MaterialFacts metal(float roughness) {
 
 BakeFacts facts_of(std::vector<MaterialFacts> materials) {
     BakeFacts facts;
-    facts.environment = kSky;
+    facts.environment = sky();
     facts.has_scene = true;
     for (std::size_t i = 0; i < materials.size(); ++i)
         facts.meshes.push_back(
@@ -65,7 +73,7 @@ TEST(Plan, NoEnvironmentMeansNoLighting) {
 
 TEST(Plan, NoSceneMeansAllLightingAndNoTransport) {
     BakeFacts facts;
-    facts.environment = kSky;
+    facts.environment = sky();
     const BakePlan plan = plan_of(facts);
     EXPECT_TRUE(stage(plan, "environment/sh").job);
     EXPECT_TRUE(stage(plan, "brdf/ggx").job);
@@ -123,13 +131,125 @@ TEST(Plan, AMaterialThatNoMeshUsesAsksForNothing) {
               (std::vector<int>{4}));
 }
 
-TEST(Plan, AConstantEnvironmentIsOneTexelALevel) {
+TEST(Plan, AnEnvironmentThatIsConstantToHalfTheToleranceIsOneTexelALevel) {
     BakeFacts facts = facts_of({dielectric(0.6f)});
-    EXPECT_EQ(std::get<PlannedMips>(*stage(plan_of(facts), "environment/mips").job).job.face_size,
-              256);
-    facts.environment->constant = true;
-    EXPECT_EQ(std::get<PlannedMips>(*stage(plan_of(facts), "environment/mips").job).job.face_size,
-              1);
+    const auto mips = [&] {
+        return std::get<PlannedMips>(*stage(plan_of(facts), "environment/mips").job);
+    };
+    EXPECT_EQ(mips().job.face_size, 256);
+    EXPECT_EQ(mips().contrast, 0);
+    for (const double contrast : {0.0, 4.9e-3}) {
+        facts.environment->contrast = contrast;
+        EXPECT_EQ(mips().job.face_size, 1);
+        EXPECT_EQ(mips().contrast, contrast) << "is part of the error";
+    }
+    facts.environment->contrast = 5.1e-3;
+    EXPECT_EQ(mips().job.face_size, 256);
+}
+
+TEST(Plan, AGreyEnvironmentHasOneChannel) {
+    BakeFacts facts = facts_of({dielectric(0.6f)});
+    for (const bool grey : {true, false}) {
+        facts.environment->grey = grey;
+        const BakePlan plan = plan_of(facts);
+        const int channels = grey ? 1 : 3;
+        EXPECT_EQ(std::get<PlannedSh>(*stage(plan, "environment/sh").job).channels, channels);
+        EXPECT_EQ(std::get<PlannedMips>(*stage(plan, "environment/mips").job).job.channels,
+                  channels);
+        EXPECT_EQ(stage(plan, "environment/sh").reason.find("grey") != std::string::npos, grey);
+    }
+}
+
+TEST(Plan, BandsUnderTheToleranceAreNotStored) {
+    BakeFacts facts = facts_of({dielectric(0.6f)});
+    const auto bands = [&](double fourth, double fifth) {
+        facts.environment->band_energy = {1, 0.1, 0.1, fourth, fifth};
+        const BakePlan plan = plan_of(facts);
+        const PlannedStage& sh = stage(plan, "environment/sh");
+        EXPECT_EQ(sh.reason.find(" of 5 bands") != std::string::npos,
+                  std::get<PlannedSh>(*sh.job).bands < 5);
+        return std::get<PlannedSh>(*sh.job).bands;
+    };
+    EXPECT_EQ(bands(0.1, 0.1), 5);
+    EXPECT_EQ(bands(0.1, 1e-9), 4);
+    EXPECT_EQ(bands(1e-9, 1e-9), 3);
+    EXPECT_EQ(bands(1e-9, 0.1), 5) << "bands below one that is needed stay";
+    facts.environment->band_energy = {1, 0, 0, 0, 0};
+    EXPECT_EQ(std::get<PlannedSh>(*stage(plan_of(facts), "environment/sh").job).bands, 1);
+}
+
+TEST(Plan, TransportKeepsTheBandsAskedForUnderAnyLight) {
+    BakeFacts facts = facts_of({dielectric(0.6f)});
+    facts.environment->band_energy = {1, 0, 0, 0, 0};
+    EXPECT_EQ(std::get<PlannedDiffuse>(*stage(plan_of(facts), "mesh/0/diffuse").job).job.bands, 5);
+}
+
+TEST(Plan, LightsAreBakedWhereThereAreAny) {
+    BakeFacts facts = facts_of({dielectric(0.6f)});
+    EXPECT_EQ(std::get<PlannedLights>(*stage(plan_of(facts), "environment/lights").job).count, 1u);
+    EXPECT_EQ(stage(plan_of(facts), "environment/lights").reason, "1 light has 30 % of the energy");
+    BakeRequest request;
+    request.extract_lights = true;
+    EXPECT_EQ(stage(plan_of(facts, request), "environment/lights").reason,
+              "1 light has 30 % of the energy, left out of every other array");
+    facts.environment->lights = {.count = 0, .share = 0, .strongest_share = 0.004};
+    EXPECT_FALSE(stage(plan_of(facts), "environment/lights").job);
+    EXPECT_EQ(stage(plan_of(facts), "environment/lights").reason,
+              "no small light dominates: the strongest has 0.4 % of the energy");
+    facts.environment->lights = {};
+    EXPECT_EQ(stage(plan_of(facts), "environment/lights").reason,
+              "no light is small and stands out");
+}
+
+TEST(Plan, IrradianceIsBakedOnRequestOnly) {
+    const BakeFacts facts = facts_of({dielectric(0.6f)});
+    EXPECT_EQ(stage(plan_of(facts), "environment/irradiance").reason, "not asked for");
+    BakeRequest request;
+    request.irradiance = true;
+    request.window = true;
+    const BakePlan plan = plan_of(facts, request);
+    const auto& irradiance = std::get<PlannedSh>(*stage(plan, "environment/irradiance").job);
+    EXPECT_TRUE(irradiance.irradiance);
+    EXPECT_TRUE(irradiance.window);
+    EXPECT_FALSE(std::get<PlannedSh>(*stage(plan, "environment/sh").job).irradiance);
+}
+
+TEST(Plan, TheDistributionsAskedForAreBakedAndShareTheirMirror) {
+    using enum runtime::Distribution;
+    const BakeFacts facts = facts_of({dielectric(0.1f)});
+    const auto levels = [](const BakePlan& plan, const char* output) {
+        const PlannedStage& s = stage(plan, output);
+        return s.job ? std::get<PlannedMips>(*s.job).job.levels : std::vector<int>{};
+    };
+    BakeRequest request;
+    EXPECT_EQ(stage(plan_of(facts, request), "environment/mips_beckmann").reason, "not asked for");
+    EXPECT_EQ(stage(plan_of(facts, request), "brdf/beckmann").reason, "not asked for");
+    request.distributions = {Beckmann};
+    BakePlan plan = plan_of(facts, request);
+    EXPECT_EQ(stage(plan, "environment/mips").reason, "not asked for");
+    EXPECT_EQ(levels(plan, "environment/mips_beckmann"), (std::vector<int>{0, 1}));
+    EXPECT_EQ(std::get<PlannedTable>(*stage(plan, "brdf/beckmann").job).job.distribution, Beckmann);
+    request.distributions = {Ggx, Beckmann};
+    plan = plan_of(facts, request);
+    EXPECT_EQ(levels(plan, "environment/mips"), (std::vector<int>{0, 1}));
+    EXPECT_EQ(levels(plan, "environment/mips_beckmann"), (std::vector<int>{1}));
+    plan = plan_of(facts_of({dielectric(0)}), request);
+    EXPECT_EQ(levels(plan, "environment/mips_beckmann"), (std::vector<int>{0}))
+        << "a chain of the mirror alone is whole";
+}
+
+TEST(Plan, ARoughnessRangeOverridesTheScene) {
+    const BakeFacts facts = facts_of({dielectric(0.5f)});
+    BakeRequest request;
+    request.roughness_range = RoughnessRange{0.3, 0.5};
+    const BakePlan plan = plan_of(facts, request);
+    const PlannedStage& mips = stage(plan, "environment/mips");
+    EXPECT_EQ(std::get<PlannedMips>(*mips.job).job.levels, (std::vector<int>{1, 2}));
+    EXPECT_EQ(mips.reason, "roughness 0.3 to 0.5 was asked for");
+    request.mip_layout = runtime::MipLayout::LatLong;
+    EXPECT_EQ(
+        std::get<PlannedMips>(*stage(plan_of(facts, request), "environment/mips").job).job.layout,
+        runtime::MipLayout::LatLong);
 }
 
 TEST(Plan, UnshadowedTransportIsBakedOnRequestOnly) {
@@ -178,6 +298,12 @@ TEST(Plan, OptionsOutOfRangeNameTheOption) {
               std::string::npos);
     EXPECT_NE(refusal([](BakeRequest& r) { r.mip_count = 17; }).find("--mip-count"),
               std::string::npos);
+    for (const RoughnessRange range :
+         {RoughnessRange{-0.1, 1}, {0, 1.1}, {0.5, 0.4}, {NAN, 1}, {0, NAN}}) {
+        EXPECT_NE(
+            refusal([&](BakeRequest& r) { r.roughness_range = range; }).find("--roughness-range"),
+            std::string::npos);
+    }
     EXPECT_NE(refusal([](BakeRequest& r) { r.table_size = 1; }).find("--table-size"),
               std::string::npos);
     EXPECT_NE(refusal([](BakeRequest& r) { r.rays_per_vertex = -1; }).find("--rays"),
@@ -186,8 +312,17 @@ TEST(Plan, OptionsOutOfRangeNameTheOption) {
 
 TEST(Plan, BytesAreThoseOfTheArrays) {
     BakeFacts facts = facts_of({dielectric(0.5f)});
-    // SH 25 x 3, mip 2 of 64 x 64, table 64 x 64 x 2, 1000 vertices of 25, all f32.
-    EXPECT_EQ(plan_of(facts).output_bytes, 4u * (75 + 6 * 64 * 64 * 3 + 64 * 64 * 2 + 1000 * 25));
+    // A light of 9, SH 25 x 3, mip 2 of 64 x 64, table 64 x 64 x 2 with 64 averages, 1000 vertices
+    // of 25, all f32.
+    constexpr std::uint64_t kOthers = 9 + 75 + 64 * 64 * 2 + 64 + 1000 * 25;
+    EXPECT_EQ(plan_of(facts).output_bytes, 4 * (kOthers + 6 * 64 * 64 * 3));
+    BakeRequest request;
+    request.mip_layout = runtime::MipLayout::LatLong;
+    EXPECT_EQ(plan_of(facts, request).output_bytes, 4 * (kOthers + 256 * 128 * 3));
+    request.mip_layout = runtime::MipLayout::CubeFaces;
+    request.half_tables = true;
+    EXPECT_EQ(plan_of(facts, request).output_bytes,
+              4 * (kOthers + 6 * 64 * 64 * 3) - 2 * 64 * 64 * 2);
 }
 
 }  // namespace

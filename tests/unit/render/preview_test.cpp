@@ -29,6 +29,7 @@ struct Contents {
     std::vector<std::vector<float>> transport;  ///< a mesh each, [vertices, bands^2]
     std::vector<float> mip;                     ///< one level, [6, 1, 1, 3]
     std::vector<float> table;                   ///< [2, 2, 2]
+    std::vector<float> light;                   ///< one row of nine, extracted
 };
 
 /// Writes a bundle for `scene` and opens it; the file goes with the object.
@@ -62,6 +63,7 @@ class TestBundle {
         };
         const auto coeffs = static_cast<std::uint64_t>(sh::coeff_count(contents.bands));
         add("environment/sh", {coeffs, 3}, contents.lighting);
+        add("environment/lights", {1, 9}, contents.light);
         add("environment/mips/0", {6, 1, 1, 3}, contents.mip);
         add("brdf/ggx", {2, 2, 2}, contents.table);
         std::string meshes;
@@ -80,6 +82,7 @@ class TestBundle {
             metadata +=
                 R"(,"environment":{"mips":{"count":1,"levels":[{"level":0,"face_size":1,"roughness":0}]}})";
         }
+        if (!contents.light.empty()) metadata += R"(,"environment":{"lights":{"extracted":true}})";
         if (!contents.table.empty()) metadata += R"(,"brdf":{"ggx":{"axes":"roots"}})";
         metadata += "}";
         ASSERT_TRUE(writer->add(
@@ -185,6 +188,29 @@ TEST(Preview, InterpolatesBetweenVertices) {
         ASSERT_TRUE(picture) << picture.error();
         EXPECT_NEAR(picture->radiance[0].y, 5 + x, 1e-3);
     }
+}
+
+// A light straight above a floor, half of which is under a roof; the light is in no other array.
+TEST(Preview, ExtractedLightsAreAddedWithTheirShadows) {
+    Scene scene = test::scene_of(test::diffuse_material(0.5f));
+    test::add_floor(scene, 10);
+    test::add_quad(scene, Vec3(-5, 1, 0), Vec3(0, 0, 5), Vec3(5, 0, 0));
+    Contents contents = unoccluded(scene, 2);
+    contents.lighting = constant_light(2, Vec3(1));
+    contents.light = {0, 1, 0, 6, 4, 2, 0.01f, 3.1e-4f, 0.5f};
+    const TestBundle bundle(scene, contents);
+    const auto towards = [&](const DVec3& from, const DVec3& at) {
+        const auto picture = preview(scene, bundle.get(), {from, at, 0.01, 1, 1});
+        EXPECT_TRUE(picture);
+        return picture->radiance[0];
+    };
+    const Vec3 lit = towards({3, 3, 0.1}, {3, 0, 0}), shadow = towards({3, 0.5, 0.1}, {-3, 0, 0});
+    EXPECT_NEAR(lit.x, 0.5 * (1 + 6 / kPi), 1e-5);
+    EXPECT_NEAR(lit.z, 0.5 * (1 + 2 / kPi), 1e-5);
+    EXPECT_NEAR(shadow.x, 0.5, 1e-5);
+    const Vec3 sky = towards({3, 3, 0}, {3, 4, 0.02}), disc = towards({3, 3, 0}, {3, 4, 0});
+    EXPECT_NEAR(sky.x, 1, 1e-5);
+    EXPECT_NEAR(disc.x / (1 + 6 / 3.1e-4), 1, 1e-5);
 }
 
 TEST(Preview, SpecularIsTheSplitSum) {
