@@ -33,14 +33,20 @@ class MemoryIn : public Imf::IStream {
         }
         std::memcpy(to, file_.data() + position_, wanted);
         position_ += wanted;
+        if ((since_forget_ += wanted) >= kForget) {
+            forget(file_);
+            since_forget_ = 0;
+        }
         return position_ < file_.size();
     }
     std::uint64_t tellg() override { return position_; }
     void seekg(std::uint64_t position) override { position_ = position; }
 
   private:
+    static constexpr std::uint64_t kForget = std::uint64_t{4} << 20;
     Bytes file_;
     std::uint64_t position_ = 0;
+    std::uint64_t since_forget_ = 0;  ///< bytes read
 };
 
 class MemoryOut : public Imf::OStream {

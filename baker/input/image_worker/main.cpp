@@ -29,6 +29,11 @@
 
 namespace envbake::worker {
 
+void forget(Bytes file) {
+    // Nothing is lost: the mapping has never been written to.
+    madvise(const_cast<std::byte*>(file.data()), file.size(), MADV_DONTNEED);
+}
+
 namespace {
 
 /// What a decoder may use beside its output: buffers of a chunk for each thread, and the libraries'
@@ -103,12 +108,8 @@ void write_all(int file, const std::vector<unsigned char>& bytes) {
 /// Loaded by the worker itself, so that its children have it already.
 const OiioCodecs* oiio = nullptr;
 
-/// True for everything but .exr. Of the input, the worker itself reads no more than the magic.
-bool needs_oiio(Task task, int input) {
-    if (task != Task::DecodeFloat) return task != Task::EncodeExr;
-    std::array<std::byte, kRadianceMagic.size()> start{};
-    return pread(input, start.data(), start.size(), 0) == static_cast<ssize_t>(start.size()) &&
-           starts_with(start, kRadianceMagic);
+bool needs_oiio(Task task) {
+    return task == Task::DecodeRgba8 || task == Task::EncodePng;
 }
 
 /// Throws what the dynamic linker says.
@@ -146,7 +147,7 @@ void run(const Request& request, int input, int output, Reply& reply) {
             if (file.empty()) throw Refusal("it is empty");
             if (starts_with(file, kExrMagic)) return decode_exr(file, threads, reply, allocate);
             if (starts_with(file, kRadianceMagic))
-                return oiio->decode_radiance(file, reply, allocate);
+                return decode_radiance(file, threads, reply, allocate);
             throw Refusal("neither Radiance .hdr nor OpenEXR");
         case Task::DecodeRgba8:
             if (file.empty()) throw Refusal("it is empty");
@@ -198,7 +199,7 @@ void set_message(Reply& reply, std::string text) {
 void serve(const Request& request, int input, int output, Reply& reply) {
     reply = Reply{};
     try {
-        if (needs_oiio(request.task, input)) load_oiio();
+        if (needs_oiio(request.task)) load_oiio();
     } catch (const std::exception& e) {
         reply.outcome = Outcome::Unable;
         return set_message(reply, e.what());

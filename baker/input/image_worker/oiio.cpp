@@ -5,10 +5,8 @@
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <memory>
 #include <string>
-#include <string_view>
 
 namespace envbake::worker {
 namespace {
@@ -35,76 +33,6 @@ std::unique_ptr<OIIO::ImageInput> open(const char* format, OIIO::Filesystem::IOM
 
 OIIO::Filesystem::IOMemReader reader_of(Bytes file) {
     return {file.data(), file.size()};
-}
-
-struct RadianceHeader {
-    int width = 0;
-    int height = 0;
-};
-
-/// Reads what OpenImageIO does not tell, or would pass over: orientation, colour space, and a size
-/// that the file cannot hold. Source: Ward, "Real Pixels", Graphics Gems II, 1991, and the file
-/// format page of the Radiance manual.
-RadianceHeader check_radiance_header(Bytes file) {
-    std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
-    const auto next_line = [&] {
-        const std::size_t end = text.find('\n');
-        if (end == std::string_view::npos || end > 4096) throw Refusal("its header has no end");
-        const std::string_view line = text.substr(0, end);
-        text.remove_prefix(end + 1);
-        return line;
-    };
-    for (std::string_view line = next_line(); !line.empty(); line = next_line()) {
-        if (line.starts_with("FORMAT=") && !line.starts_with("FORMAT=32-bit_rle_rgbe")) {
-            throw Refusal("pixels of " + std::string(line) + "; only 32-bit_rle_rgbe is read");
-        }
-    }
-    const std::string size(next_line());
-    RadianceHeader header;
-    char y_sign = 0, x_sign = 0, tail = 0;
-    const int fields = std::sscanf(size.c_str(), "%cY %d %cX %d%c", &y_sign, &header.height,
-                                   &x_sign, &header.width, &tail);
-    if (fields < 4 || (fields == 5 && tail != '\r')) {
-        throw Refusal("no resolution line such as -Y 512 +X 1024, but \"" + size.substr(0, 40) +
-                      "\"");
-    }
-    if (y_sign != '-' || x_sign != '+') {
-        throw Refusal("rows stored as \"" + size + "\"; only -Y +X, from the top left, is read");
-    }
-    check_size(header.width, header.height);
-
-    // The least that a scanline can take: flat, or run-length encoded with runs of 127.
-    const std::int64_t w = header.width;
-    const bool may_be_encoded = w >= 8 && w < 32768;
-    const std::int64_t least =
-        may_be_encoded ? std::min(4 * w, 4 + 4 * 2 * ((w + 126) / 127)) : 4 * w;
-    if (least * header.height > static_cast<std::int64_t>(text.size())) {
-        throw Refusal("the file is too short for the size it claims");
-    }
-    return header;
-}
-
-void decode_radiance(Bytes file, Reply& reply, const AllocatePixels& allocate) {
-    const RadianceHeader header = check_radiance_header(file);
-    OIIO::Filesystem::IOMemReader reader = reader_of(file);
-    OIIO::ImageSpec spec;
-    const auto input = open("hdr", reader, spec);
-    if (spec.width != header.width || spec.height != header.height || spec.nchannels != 3) {
-        throw Refusal("its header is ambiguous");
-    }
-    reply.width = spec.width;
-    reply.height = spec.height;
-    reply.data_window = reply.display_window = {0, 0, spec.width - 1, spec.height - 1};
-    float* const pixels = reinterpret_cast<float*>(allocate(3 * sizeof(float)));
-    constexpr int kBlock = 64;
-    for (int row = 0; row < spec.height; row += kBlock) {
-        float* const to =
-            pixels + 3 * static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(row);
-        if (!input->read_scanlines(0, 0, row, std::min(row + kBlock, spec.height), 0, 0, 3,
-                                   OIIO::TypeDesc::FLOAT, to)) {
-            throw Refusal(reason(*input));
-        }
-    }
 }
 
 void decode_rgba8(Bytes file, Reply& reply, const AllocatePixels& allocate) {
@@ -167,6 +95,4 @@ std::vector<unsigned char> encode_png(int width, int height, Bytes rgb) {
 
 // The name is that of kOiioSymbol.
 extern "C" const envbake::worker::OiioCodecs envbake_oiio_codecs{
-    .decode_radiance = envbake::worker::decode_radiance,
-    .decode_rgba8 = envbake::worker::decode_rgba8,
-    .encode_png = envbake::worker::encode_png};
+    .decode_rgba8 = envbake::worker::decode_rgba8, .encode_png = envbake::worker::encode_png};

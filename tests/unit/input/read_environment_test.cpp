@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/input/read_environment.h"
 
+#include "baker/core/parallel.h"
 #include "baker/core/random.h"
 #include "baker/input/image_worker.h"
 #include "tests/support/image_files.h"
@@ -171,6 +172,120 @@ TEST(ReadEnvironment, RefusesWhatRadianceFilesCanSayButWeDoNotRead) {
     for (const auto& [bytes, part] : cases) {
         test::write_file(folder / "a.hdr", bytes);
         expect_invalid(read_environment(folder / "a.hdr"), part);
+    }
+}
+
+/// The four planes of a scanline, run-length encoded: every repetition a run, all else literals.
+std::string encoded_scanline(int width, const std::string& planes) {
+    std::string bytes{2, 2, static_cast<char>(width >> 8), static_cast<char>(width & 255)};
+    for (std::size_t plane = 0; plane < 4; ++plane) {
+        const std::string values =
+            planes.substr(plane * static_cast<std::size_t>(width), static_cast<std::size_t>(width));
+        for (std::size_t i = 0; i < values.size();) {
+            std::size_t same = 1;
+            while (i + same < values.size() && values[i + same] == values[i]) ++same;
+            if (same > 1) {
+                same = std::min<std::size_t>(same, 127);
+                bytes += static_cast<char>(128 + same);
+                bytes += values[i];
+                i += same;
+                continue;
+            }
+            std::size_t end = i + 1;
+            while (end < values.size() && end - i < 128 &&
+                   (end + 1 == values.size() || values[end] != values[end + 1])) {
+                ++end;
+            }
+            bytes += static_cast<char>(end - i);
+            bytes += values.substr(i, end - i);
+            i = end;
+        }
+    }
+    return bytes;
+}
+
+/// Scanlines of noise and of one value alternate, with flat ones among them: the longest literals
+/// and the longest runs, and mantissas and exponents of every size.
+std::string radiance_mixture(int width, int height, std::vector<float>& rgb) {
+    std::string bytes = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y " + std::to_string(height) +
+                        " +X " + std::to_string(width) + "\n";
+    RandomStream random(5, 0, 0);
+    const auto texels = static_cast<std::size_t>(width);
+    for (int row = 0; row < height; ++row) {
+        std::string planes(4 * texels, '\0');
+        for (char& byte : planes) byte = static_cast<char>(random.next_bits() >> 56);
+        if (row % 2 == 1) std::fill(planes.begin(), planes.end(), static_cast<char>(130 + row));
+        for (std::size_t i = 0; i < texels; ++i) {
+            const auto value = [&](std::size_t plane) {
+                return static_cast<unsigned char>(planes[plane * texels + i]);
+            };
+            for (std::size_t k = 0; k < 3; ++k)
+                rgb.push_back(
+                    value(3) == 0 ? 0 : std::ldexp(static_cast<float>(value(k)), value(3) - 136));
+        }
+        if (row % 4 < 2) {
+            bytes += encoded_scanline(width, planes);
+        } else {
+            for (std::size_t i = 0; i < texels; ++i)
+                for (std::size_t plane = 0; plane < 4; ++plane) bytes += planes[plane * texels + i];
+        }
+    }
+    return bytes;
+}
+
+TEST(ReadEnvironment, RunLengthsOfRadianceFilesAreExact) {
+    const test::TemporaryFolder folder;
+    for (const auto& [width, height] : {std::pair{8, 5}, {129, 40}, {700, 70}}) {
+        std::vector<float> rgb;
+        test::write_file(folder / "a.hdr", radiance_mixture(width, height, rgb));
+        for (const int threads : {1, 4}) {
+            const ThreadLimit limit(threads);
+            const auto image = decode_float_image(folder / "a.hdr");
+            ASSERT_TRUE(image) << image.error();
+            for (int row = 0; row < height; ++row) {
+                const auto values = image->row(row);
+                ASSERT_TRUE(std::equal(values.begin(), values.end(),
+                                       rgb.begin() + 3 * row * std::ptrdiff_t{width}))
+                    << width << " x " << height << ", row " << row << ", threads " << threads;
+            }
+        }
+    }
+}
+
+TEST(ReadEnvironment, DamagedRunsOfRadianceFilesAreRefused) {
+    const test::TemporaryFolder folder;
+    constexpr int kWidth = 16;
+    const std::string planes(std::size_t{4} * kWidth, '\x80');
+    const std::string good = encoded_scanline(kWidth, planes);
+    ASSERT_EQ(good.size(), 12u) << "four runs of 16";
+    const auto changed = [&](std::size_t at, int value) {
+        std::string bytes = good;
+        bytes[at] = static_cast<char>(value);
+        return bytes;
+    };
+    const std::pair<std::string, const char*> cases[] = {
+        {changed(3, kWidth + 1), "another width"},
+        {changed(4, 128 + kWidth + 1), "damaged runs"},  // over the end of a plane
+        {changed(10, 128 + kWidth + 1), "damaged runs"},
+        {changed(6, 0), "damaged runs"},
+        {changed(6, 128), "damaged runs"},  // a literal that is longer than the plane
+        {good.substr(0, 11), "ends early"},
+        {good.substr(0, 10) + std::string("\x10\x80", 2), "ends early"},  // within a literal
+    };
+    const std::string header = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 40 +X 16\n";
+    // The first row is flat: the file as a whole is then never too short to be begun with.
+    std::string before(std::size_t{4} * kWidth, '\x80');
+    for (int row = 1; row < 39; ++row) before += good;
+    test::write_file(folder / "a.hdr", header + before + good);
+    ASSERT_TRUE(read_environment(folder / "a.hdr"));
+    for (const auto& [scanline, part] : cases) {
+        // In the last row, which may be another thread's than the first.
+        test::write_file(folder / "a.hdr", header + before + scanline);
+        for (const int threads : {1, 4}) {
+            const ThreadLimit limit(threads);
+            const auto environment = read_environment(folder / "a.hdr");
+            expect_invalid(environment, part);
+        }
     }
 }
 
