@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/input/read_environment.h"
 
+#include "baker/core/parallel.h"
 #include "baker/input/image_worker.h"
 #include "envbake/runtime/cube.h"
 
@@ -236,6 +237,14 @@ class Repairer {
         return 0;
     }
 
+    /// Adds what was found further down.
+    void append(const Repairer& below) {
+        if (repairs.total() == 0) first_row = below.first_row, first_column = below.first_column;
+        repairs.nan_count += below.repairs.nan_count;
+        repairs.infinite_count += below.repairs.infinite_count;
+        repairs.negative_count += below.repairs.negative_count;
+    }
+
     RadianceRepairs repairs;
     int first_row = 0;
     int first_column = 0;
@@ -286,19 +295,27 @@ Expected<Environment> read_environment(const std::filesystem::path& file,
 
     // From the top down, freeing what has been read; with a single cell, whose rows come in order,
     // the array grows along, and the image is never in memory twice.
-    constexpr int kReleaseRows = 64;
-    if (shape.cells.size() > 1) environment.radiance.resize(texels);
+    constexpr int kBlockRows = 64;
+    const bool grows = shape.cells.size() == 1;
+    if (!grows) environment.radiance.resize(texels);
     Repairer repair;
-    for (int row = 0; row < image.height; ++row) {
-        if (row % kReleaseRows == 0) image.release_rows_before(row);
-        if (shape.cells.size() == 1) {
+    for (int top = 0; top < image.height; top += kBlockRows) {
+        const int rows = std::min(kBlockRows, image.height - top);
+        image.release_rows_before(top);
+        if (grows) {
             environment.radiance.resize(environment.radiance.size() +
-                                        static_cast<std::size_t>(image.width));
+                                        static_cast<std::size_t>(rows) *
+                                            static_cast<std::size_t>(image.width));
         }
-        for (const Cell& cell : shape.cells) {
-            if (row < cell.row || row >= cell.row + cell.height) continue;
-            place_row(image.row(row), row, cell, convert, repair, environment.radiance);
-        }
+        std::array<Repairer, kBlockRows> row_repairs;
+        parallel_for(static_cast<std::size_t>(rows), [&](std::size_t i) {
+            const int row = top + static_cast<int>(i);
+            for (const Cell& cell : shape.cells) {
+                if (row < cell.row || row >= cell.row + cell.height) continue;
+                place_row(image.row(row), row, cell, convert, row_repairs[i], environment.radiance);
+            }
+        });
+        for (const Repairer& found : row_repairs) repair.append(found);
     }
     if (options.strict && repair.repairs.total() > 0) return refused(name, repair);
     environment.repairs = repair.repairs;
