@@ -5,10 +5,13 @@
 #include "envbake/runtime/cube.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <numbers>
-#include <utility>
+#include <span>
+#include <variant>
 
 namespace envbake {
 
@@ -18,41 +21,86 @@ float largest(const Vec3& v) {
     return std::max({v.x, v.y, v.z});
 }
 
-/// The solid angles of the texels of one row, of the image or of any face.
-std::vector<double> solid_angles(const std::variant<LatLongGrid, CubeGrid>& any_grid,
-                                 std::size_t row) {
-    std::vector<double> omegas;
-    if (const auto* grid = std::get_if<LatLongGrid>(&any_grid)) {
-        // cos upper - cos lower without its cancellation.
-        const double upper = grid->theta_edges[row], lower = grid->theta_edges[row + 1];
-        const double height = 2 * std::sin((lower + upper) / 2) * std::sin((lower - upper) / 2);
-        for (std::size_t c = 0; c + 1 < grid->phi_edges.size(); ++c)
-            omegas.push_back(height * (grid->phi_edges[c + 1] - grid->phi_edges[c]));
-        return omegas;
-    }
-    const std::vector<double>& edges = std::get<CubeGrid>(any_grid).edges;
-    for (std::size_t c = 0; c + 1 < edges.size(); ++c)
-        omegas.push_back(cube::solid_angle(edges[c], edges[c + 1], edges[row], edges[row + 1]));
-    return omegas;
-}
-
-struct RowFacts {
-    Vec3 low, high;
-    DVec3 flux{0};  ///< radiance times solid angle
+/// What a part of the map adds to its facts.
+struct PartFacts {
+    Vec3 low{std::numeric_limits<float>::max()};
+    Vec3 high{0};
+    DVec3 sum{0};  ///< radiance times solid angle
     bool grey = true;
 
-    explicit RowFacts(const Vec3& texel) : low(texel), high(texel) {}
-
-    void add(const Vec3* texels, const std::vector<double>& omegas) {
-        for (std::size_t column = 0; column < omegas.size(); ++column) {
-            const Vec3& L = texels[column];
-            low = glm::min(low, L);
-            high = glm::max(high, L);
-            flux += omegas[column] * DVec3(L);
-            grey = grey && L.x == L.y && L.y == L.z;
-        }
+    void append(const PartFacts& other) {
+        low = glm::min(low, other.low);
+        high = glm::max(high, other.high);
+        sum += other.sum;
+        grey = grey && other.grey;
     }
 };
+
+/// A row of texels, and the solid angle of each, up to a factor of the whole row, once for each of
+/// its channels.
+PartFacts row_facts(std::span<const Vec3> texels, std::span<const double> channel_weights) {
+    // Sixteen texels side by side: whole vectors of any width, whose lanes keep to their channel.
+    constexpr std::size_t kLanes = 3 * 16;
+    std::array<float, kLanes> low, high;
+    std::array<double, kLanes> sum{};
+    low.fill(std::numeric_limits<float>::max());
+    high.fill(0);
+    const auto add = [&](std::size_t first, std::size_t lanes) {
+        const float* const L = &texels.front().x + first;
+        const double* const weight = channel_weights.data() + first;
+        for (std::size_t k = 0; k < lanes; ++k) {
+            low[k] = std::min(low[k], L[k]);
+            high[k] = std::max(high[k], L[k]);
+            sum[k] += weight[k] * static_cast<double>(L[k]);
+        }
+    };
+    const std::size_t values = 3 * texels.size(), whole = values / kLanes * kLanes;
+    for (std::size_t i = 0; i < whole; i += kLanes) add(i, kLanes);
+    add(whole, values - whole);
+
+    PartFacts facts;
+    for (std::size_t k = 0; k < kLanes; k += 3) {
+        facts.append({.low = {low[k], low[k + 1], low[k + 2]},
+                      .high = {high[k], high[k + 1], high[k + 2]},
+                      .sum = {sum[k], sum[k + 1], sum[k + 2]}});
+    }
+    facts.grey = std::all_of(texels.begin(), texels.end(),
+                             [](const Vec3& L) { return L.x == L.y && L.y == L.z; });
+    return facts;
+}
+
+/// One part for each row.
+std::vector<PartFacts> part_facts(const LatLongGrid& grid, std::span<const Vec3> radiance) {
+    const auto width = static_cast<std::size_t>(grid.width);
+    std::vector<double> widths(3 * width);
+    for (std::size_t i = 0; i < widths.size(); ++i)
+        widths[i] = grid.phi_edges[i / 3 + 1] - grid.phi_edges[i / 3];
+    std::vector<PartFacts> parts(static_cast<std::size_t>(grid.height));
+    parallel_for(parts.size(), [&](std::size_t row) {
+        parts[row] = row_facts(radiance.subspan(row * width, width), widths);
+        parts[row].sum *= std::cos(grid.theta_edges[row]) - std::cos(grid.theta_edges[row + 1]);
+    });
+    return parts;
+}
+
+/// One part for each row of all six faces: their texels have the same solid angles.
+std::vector<PartFacts> part_facts(const CubeGrid& grid, std::span<const Vec3> radiance) {
+    const auto size = static_cast<std::size_t>(grid.size);
+    std::vector<PartFacts> parts(size);
+    parallel_for(size, [&](std::size_t row) {
+        std::vector<double> d_omega(3 * size);
+        for (std::size_t column = 0; column < size; ++column) {
+            std::fill_n(d_omega.begin() + static_cast<std::ptrdiff_t>(3 * column), 3,
+                        cube::solid_angle(grid.edges[column], grid.edges[column + 1],
+                                          grid.edges[row], grid.edges[row + 1]));
+        }
+        for (std::size_t face = 0; face < cube::kFaceCount; ++face) {
+            parts[row].append(
+                row_facts(radiance.subspan((face * size + row) * size, size), d_omega));
+        }
+    });
+    return parts;
+}
 
 /// Smallest and largest value of one channel of a decoded image, 0 .. 1; 1 without an image.
 std::pair<float, float> channel_range(const Scene& scene, const std::optional<Texture>& texture,
@@ -80,37 +128,20 @@ float largest_base_color(const Scene& scene, const Material& material) {
 }  // namespace
 
 EnvironmentFacts collect_facts(const Environment& environment) {
-    const auto* grid = std::get_if<LatLongGrid>(&environment.grid);
-    const auto rows =
-        static_cast<std::size_t>(grid ? grid->height : std::get<CubeGrid>(environment.grid).size);
-    const std::size_t faces = grid ? 1 : cube::kFaceCount;
-    const Vec3& first = environment.radiance.front();
-    std::vector<RowFacts> by_row(rows, RowFacts(first));
-    parallel_for(rows, [&](std::size_t row) {
-        const std::vector<double> omegas = solid_angles(environment.grid, row);
-        for (std::size_t face = 0; face < faces; ++face)
-            by_row[row].add(&environment.radiance[(face * rows + row) * omegas.size()], omegas);
-    });
+    const std::vector<PartFacts> parts = std::visit(
+        [&](const auto& grid) { return part_facts(grid, environment.radiance); }, environment.grid);
+    PartFacts whole;
+    for (const PartFacts& part : parts) whole.append(part);
 
+    const DVec3 mean = whole.sum / (4 * std::numbers::pi);
     EnvironmentFacts facts;
-    facts.grey = true;
-    Vec3 low = first, high = first;
-    DVec3 flux(0);
-    for (const RowFacts& row : by_row) {
-        low = glm::min(low, row.low);
-        high = glm::max(high, row.high);
-        flux += row.flux;
-        facts.grey = facts.grey && row.grey;
-    }
-    const DVec3 mean = flux / (4 * std::numbers::pi);
+    facts.grey = whole.grey;
     facts.mean = (mean.x + mean.y + mean.z) / 3;
-    facts.peak = largest(high);
+    facts.peak = largest(whole.high);
     for (int c = 0; c < 3; ++c) {
-        const double difference = static_cast<double>(high[c]) - static_cast<double>(low[c]);
-        if (difference > 0) {
-            facts.contrast = std::max(facts.contrast,
-                                      difference / (static_cast<double>(low[c]) + 1e-3 * mean[c]));
-        }
+        const double low = whole.low[c], difference = static_cast<double>(whole.high[c]) - low;
+        if (difference > 0)
+            facts.contrast = std::max(facts.contrast, difference / (low + 1e-3 * mean[c]));
     }
     return facts;
 }

@@ -23,7 +23,10 @@ struct EnvironmentFacts {
     /// (largest - least) / (least + 1e-3 mean) of a channel, the worst of them: what any one value
     /// between them gets wrong at most in place of the map, in the norm of MipsJob::tolerance.
     double contrast = 0;
-    bool grey = false;  ///< red, green and blue are equal in every texel
+    /// Red, green and blue are the same float in every texel. Nothing less will do: each stage
+    /// works on the channels alike and apart, so equal ones give equal bits, and two of them can be
+    /// left out at any tolerance.
+    bool grey = false;
     LightFacts lights;
     std::vector<double> band_energy;  ///< of the SH bands asked for: sum of squares a band
 };
