@@ -91,7 +91,7 @@ class Prefilter {
         for (const DVec3& d : tile.lattice(2, 2))
             radius = std::max(radius, glm::length(d - middle));
 
-        SourceWalk<Lobe, float> walk(tree_, job_.alpha, kChannels, job_.accuracy);
+        SourceWalk<Lobe, float> walk(tree_, weight_f_, kChannels, job_.accuracy);
         walk.begin(middle, radius, radius / std::numbers::sqrt2);
         const Points coarse_points(tile.lattice(4, 4));
         Sums<kChannels> coarse(coarse_points.groups());
@@ -141,7 +141,7 @@ class Prefilter {
 
     /// Lobes narrower than an output texel: neighbours share nothing, and float has too few digits.
     TileEstimate bake_singly(const OutputTile& tile, std::vector<float>& texels) const {
-        SourceWalk<Lobe, double> walk(tree_, job_.alpha, kChannels, job_.accuracy);
+        SourceWalk<Lobe, double> walk(tree_, weight_, kChannels, job_.accuracy);
         TileEstimate worst;
         for (std::size_t p = 0; p < tile.texels.size(); ++p) {
             const DVec3& d = tile.directions[p];

@@ -88,11 +88,13 @@ template <template <class> class Lobe, class S>
 class SourceWalk {
   public:
     /// `channels` of the environment matter, 1 or 3.
-    SourceWalk(const ClusterTree& tree, double alpha, int channels,
+    SourceWalk(const ClusterTree& tree, const Lobe<S>& weight, int channels,
                const PrefilterAccuracy& accuracy)
         : tree_(tree),
-          weight_(Lobe<S>::of(alpha)),
-          inverse_norm_(Lobe<double>::of(alpha).inverse_norm),
+          weight_(weight),
+          inverse_axis_(1 / weight_.nearby(0).envelope),
+          inverse_core_(weight_.nearby(0).inverse_length),
+          most_core_(static_cast<S>(std::pow(accuracy.extent2, 3))),
           channels_(channels),
           accuracy_(accuracy) {}
 
@@ -103,7 +105,7 @@ class SourceWalk {
         estimate_ = {};
         near_.clear();
         far_.clear();
-        relate_to(DVec3{0});
+        relate_to(tree_.mean());
     }
 
     /// The coarse front: blocks no larger than their distance, or than the lobe.
@@ -118,9 +120,8 @@ class SourceWalk {
             if (cosine(n.centre) < -(radius_ + S(n.radius))) continue;
             const S near = nearest(n.centre);
             if (negligible(n.flux, near, S(n.radius))) continue;
-            const S inverse_l = weight_.nearby(near).inverse_length;
-            const S relative = S(n.extent) * inverse_l;
-            if (relative * relative <= S(Lobe<S>::kFrontExtent2) || is_base(n)) {
+            const WeightNearby<S> nearby = weight_.nearby(near);
+            if (core_part(nearby, near, S(n.extent), S(n.radius)) <= kFrontCore || is_base(n)) {
                 front_.push_back(i);
             } else {
                 push_children(n);
@@ -149,8 +150,8 @@ class SourceWalk {
             const bool horizon = std::abs(along) < radius_ + S(n.radius);
             const S near = nearest(n.centre);
             if (negligible(n.flux, near, S(n.radius))) continue;
-            const SourceEstimate e =
-                estimate<true>(near, n.flux, S(n.variance), S(n.extent), S(n.unevenness), horizon);
+            const SourceEstimate e = estimate<true>(near, n.flux, S(n.variance), S(n.extent),
+                                                    S(n.radius), S(n.unevenness), horizon);
             if (!e.accepted) {
                 if (is_base(n)) {
                     open_texels(n);
@@ -170,6 +171,9 @@ class SourceWalk {
     TileEstimate estimated() const { return estimate_; }
 
   private:
+    static constexpr S kFrontCore =
+        S(Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2);
+
     static bool is_base(const ClusterNode& n) { return n.child_count[0] + n.child_count[1] == 0; }
 
     void push_children(const ClusterNode& n) {
@@ -184,7 +188,8 @@ class SourceWalk {
         const DVec3 mean = tree_.mean();
         for (int k = 0; k < channels_; ++k) {
             const double against = 0.8 * darkest[k] + 1e-3 * mean[k];
-            inverse_[k] = static_cast<S>(against > 0 ? inverse_norm_ / against : 0.0);
+            inverse_[k] = static_cast<S>(
+                against > 0 ? static_cast<double>(weight_.inverse_norm) / against : 0.0);
         }
     }
 
@@ -218,20 +223,33 @@ class SourceWalk {
         return false;
     }
 
+    /// How much of the lobe a source of this extent gets wrong: (extent / l)^6, the order of the
+    /// series' remainder. Where a lobe's tail ends, less is asked of the tail: by the density
+    /// there, at the source's nearest point, over that on the axis, and 1 + (distance / l)^2, for
+    /// there are that many more of its like.
+    S core_part(const WeightNearby<S>& nearby, S near, S extent, S reach) const {
+        const S x = extent * nearby.inverse_length, x2 = x * x, x6 = x2 * x2 * x2;
+        if constexpr (!Lobe<S>::kTailEnds) return x6;
+        const S far = near * inverse_core_;
+        const S envelope = weight_.nearby(std::max(S(0), near - reach)).envelope;
+        return S(Lobe<S>::kCore) * x6 * envelope * inverse_axis_ * (1 + far * far);
+    }
+
     /// What one source's Taylor series leaves out, relative to the darkest point of the tile, with
     /// l the lobe's scale at the nearest point: third order where the source is uneven, and some of
     /// the fourth; at the horizon the kink of max(0, mu). The factors are calibrated against brute
     /// force, not proved.
     template <bool kCluster, class T>
-    SourceEstimate estimate(S near, const T* flux, S variance, S extent, S unevenness,
+    SourceEstimate estimate(S near, const T* flux, S variance, S extent, S reach, S unevenness,
                             bool horizon) const {
         const S share = share_of(flux);
         const WeightNearby<S> nearby = weight_.nearby(near);
-        const S w = share * nearby.density;
+        const S w = share * nearby.envelope;
         const S inverse_l = nearby.inverse_length, inverse_l2 = inverse_l * inverse_l;
         const S extent2 = extent * extent * inverse_l2;  // (extent / l)^2
+        const S core = core_part(nearby, near, extent, reach);
         const S curvature =
-            w * variance * inverse_l2 *
+            S(Lobe<S>::kCurvature) * w * variance * inverse_l2 *
             (S(0.5) * (S(0.1) + unevenness) * extent * (inverse_l + S(0.5)) + S(0.5) * extent2);
         const S w_horizon = share * weight_.density_at_horizon();
         S kink = 0;
@@ -242,14 +260,14 @@ class SourceWalk {
         // The sources of the lobe's core are many and err alike: no share of theirs is small
         // enough, so their extent has a limit of its own.
         const bool accepted = !(curvature > S(accuracy_.cluster)) &&
-                              !(kink > S(accuracy_.horizon)) && !(extent2 > S(accuracy_.extent2));
+                              !(kink > S(accuracy_.horizon)) && !(core > most_core_);
         S missed = 0;
         if (accepted && interpolate_) {
             // A kink is interpolated to half_width / (2 n), n = 8 points.
             if (horizon) missed = S(5.0 / 8) * w_horizon * half_width_;
             missed = std::max(missed, share * weight_.missed(nearby, half_width_));
         }
-        return {.core = static_cast<double>(w * extent2 * extent2 * extent2),
+        return {.core = static_cast<double>(S(Lobe<S>::kCore) * w * extent2 * extent2 * extent2),
                 .curvature = static_cast<double>(curvature),
                 .kink = static_cast<double>(kink),
                 .interpolation = static_cast<double>(missed),
@@ -282,7 +300,7 @@ class SourceWalk {
         const S near = nearest(&c.x);
         if (negligible(&flux.x, near, S(reach))) return;
         const SourceEstimate e = estimate<false>(near, &flux.x, S(patch.variance), S(patch.extent),
-                                                 S(std::min(1.0, patch.taper)), horizon);
+                                                 S(reach), S(std::min(1.0, patch.taper)), horizon);
         const bool straight = patch.bend <= kLargestBend;
         if ((e.accepted && straight && patch.extent <= kLargestPatch) || depth >= kDeepestSplit) {
             estimate_.add(e);
@@ -307,8 +325,8 @@ class SourceWalk {
     }
 
     const ClusterTree& tree_;
-    const Lobe<S> weight_;
-    const double inverse_norm_;
+    const Lobe<S>& weight_;
+    const S inverse_axis_, inverse_core_, most_core_;
     const int channels_;
     const PrefilterAccuracy& accuracy_;
     S middle_[3] = {};
