@@ -19,10 +19,10 @@ say "sample sky and scene"
 "$bin/envbake-sample" "$out"
 
 say "what will be baked, and why"
-"$bin/envbake" plan "$out/scene.glb" --env "$out/sky.hdr"
+"$bin/envbake" plan "$out/scene.glb" --env "$out/sky.hdr" --extract-lights
 
 say "bake"
-"$bin/envbake" bake "$out/scene.glb" --env "$out/sky.hdr" -o "$out/scene.envb"
+"$bin/envbake" bake "$out/scene.glb" --env "$out/sky.hdr" --extract-lights -o "$out/scene.envb"
 
 say "what is in the bundle"
 "$bin/envbake" dump "$out/scene.envb"
