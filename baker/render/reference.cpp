@@ -84,7 +84,7 @@ class Bsdf {
             if (l.z > 0) {
                 const DVec3 h = glm::normalize(l + v_);
                 const double lobe = runtime::ggx_d(std::min(1.0, h.z), alpha_) *
-                                    runtime::smith_visibility(l.z, v_.z, alpha_) * l.z;
+                                    runtime::ggx_visibility(l.z, v_.z, alpha_) * l.z;
                 const double weight = runtime::schlick_weight(std::min(1.0, glm::dot(v_, h)));
                 sum += lobe * (r0_ + (DVec3(1) - r0_) * weight);
             }

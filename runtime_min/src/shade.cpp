@@ -155,9 +155,11 @@ Rgb reflect_light(const DominantLight& light, const Surface& surface, const Vec3
         const float n_dot_h = clamp(dot(n, sum) / length, 0, 1);
         const float v_dot_h = clamp(dot(v, sum) / length, 0, 1);
         const float n_dot_v = clamp(dot(n, v), 1e-4f, 1);
+        const float l_cosine = clamp(n_dot_l, 0, 1);
         specular_lobe =
-            normal_distribution(surface.distribution, n_dot_h, widened) *
-            smith_visibility(surface.distribution, clamp(n_dot_l, 0, 1), n_dot_v, widened);
+            surface.distribution == Distribution::Ggx
+                ? ggx_d(n_dot_h, widened) * ggx_visibility(l_cosine, n_dot_v, widened)
+                : beckmann_d(n_dot_h, widened) * beckmann_visibility(l_cosine, n_dot_v, widened);
         fresnel = schlick_weight(v_dot_h);
     }
     Rgb L;

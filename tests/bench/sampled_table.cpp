@@ -28,7 +28,7 @@ Vec2 integrate(float n_dot_v, float alpha, const std::vector<Point>& points) {
         const float n_dot_l = 2 * v_dot_h * cos_h - n_dot_v;
         if (n_dot_l <= 0 || v_dot_h <= 0) continue;
         const float visible =
-            4 * runtime::smith_visibility(n_dot_l, n_dot_v, alpha) * n_dot_l * v_dot_h / cos_h;
+            4 * runtime::ggx_visibility(n_dot_l, n_dot_v, alpha) * n_dot_l * v_dot_h / cos_h;
         const float fresnel = runtime::schlick_weight(v_dot_h);
         a += static_cast<double>((1 - fresnel) * visible);
         b += static_cast<double>(fresnel * visible);

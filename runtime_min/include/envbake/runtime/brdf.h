@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -12,12 +11,6 @@ namespace envbake::runtime {
 //
 // Real is float or double. Every argument n_dot_x is a cosine in [0, 1]; `alpha` is the perceptual
 // roughness squared, in (0, 1].
-
-/// Distribution of microfacet normals. Both come with height-correlated Smith masking.
-enum class Distribution {
-    Ggx,       ///< [Walter07] eq. 33, after Trowbridge and Reitz. Metadata: "ggx"
-    Beckmann,  ///< [Walter07] eq. 25. Metadata: "beckmann"
-};
 
 /// GGX distribution of microfacet normals, isotropic, per steradian.
 ///
@@ -45,65 +38,70 @@ Real ggx_lambda(Real n_dot_w, Real alpha) {
     return x / (2 * (std::sqrt(1 + x) + 1));
 }
 
-/// Beckmann distribution of microfacet normals, isotropic, per steradian.
-///
-///     D(h) = exp(-tan^2 / alpha^2) / (pi alpha^2 cos^4),  cos = n.h,  integral of D(h) (n.h) dh =
-///     1
-///
-/// 0 at n.h = 0, its limit.  Source: [Walter07] eq. 25.
-template <class Real>
-Real beckmann_d(Real n_dot_h, Real alpha) {
-    const Real cos2 = n_dot_h * n_dot_h;
-    if (!(cos2 > 0)) return 0;
-    const Real tan2 = (1 - n_dot_h) * (1 + n_dot_h) / cos2;
-    const Real alpha_cos2 = alpha * cos2;
-    const Real exponential = std::exp(-tan2 / (alpha * alpha));
-    return exponential > 0 ? exponential / (std::numbers::pi_v<Real> * alpha_cos2 * alpha_cos2) : 0;
-}
-
-/// Smith's Lambda of Beckmann.
-///
-///     Lambda(w) = exp(-a^2) / (2 a sqrt(pi)) - erfc(a) / 2,  a = 1 / (alpha tan)
-///
-/// Defined for n_dot_w in (0, 1].  Source: [Heitz14] eq. 69, as erfc: with erf it cancels for large
-/// a. What cancellation is left is of terms below 1e-3 where it matters (a > 2).
-template <class Real>
-Real beckmann_lambda(Real n_dot_w, Real alpha) {
-    const Real sin = std::sqrt((1 - n_dot_w) * (1 + n_dot_w));
-    if (!(sin > 0)) return 0;
-    const Real a = n_dot_w / (alpha * sin);
-    const Real exponential = std::exp(-a * a) * std::numbers::inv_sqrtpi_v<Real> / (2 * a);
-    return std::max(Real(0), exponential - std::erfc(a) / 2);
-}
-
-/// Joint visibility V = G2 / (4 n.l n.v), with G2 = 1 / (1 + Lambda(l) + Lambda(v)).
+/// Joint visibility of GGX, V = G2 / (4 n.l n.v), with G2 = 1 / (1 + Lambda(l) + Lambda(v)).
 ///
 ///     V = 1 / (2 (n.l s(n.v) + n.v s(n.l))),  s(c) = sqrt(alpha^2 + (1 - alpha^2) c^2)
 ///
 /// Infinite only where n.l and n.v are both 0.  Source: [Heitz14] eq. 99, denominators multiplied
 /// out.
 template <class Real>
-Real smith_visibility(Real n_dot_l, Real n_dot_v, Real alpha) {
+Real ggx_visibility(Real n_dot_l, Real n_dot_v, Real alpha) {
     const Real alpha2 = alpha * alpha;
     const Real s_v = std::sqrt(alpha2 + (1 - alpha2) * n_dot_v * n_dot_v);
     const Real s_l = std::sqrt(alpha2 + (1 - alpha2) * n_dot_l * n_dot_l);
     return 1 / (2 * (n_dot_l * s_v + n_dot_v * s_l));
 }
 
-/// D of either distribution.
+/// Beckmann distribution of microfacet normals, isotropic, per steradian.
+///
+///     D(h) = exp(-tan^2 / alpha^2) / (pi alpha^2 cos^4),  cos = n.h,  integral of D(h) (n.h) dh =
+///     1
+///
+/// Source: [Walter07] eq. 25.
 template <class Real>
-Real normal_distribution(Distribution distribution, Real n_dot_h, Real alpha) {
-    return distribution == Distribution::Ggx ? ggx_d(n_dot_h, alpha) : beckmann_d(n_dot_h, alpha);
+Real beckmann_d(Real n_dot_h, Real alpha) {
+    const Real cos2 = n_dot_h * n_dot_h;
+    if (!(cos2 > 0)) return 0;
+    const Real tan2 = (1 - n_dot_h) * (1 + n_dot_h) / cos2;
+    // As two quotients: alpha^2 cos^4 may be 0 in float where the exponential is 0 already.
+    const Real width2 = alpha * alpha;
+    const Real density = std::exp(-tan2 / width2) * std::numbers::inv_pi_v<Real> / width2;
+    return density > 0 ? density / cos2 / cos2 : 0;
 }
 
-/// V of either distribution; n_dot_l and n_dot_v in (0, 1].
+/// Smith's Lambda of Beckmann, exact.
 ///
-///     V = 1 / (4 n.l n.v (1 + Lambda(l) + Lambda(v)))
+///     Lambda(w) = exp(-a^2) / (2 a sqrt(pi)) - erfc(a) / 2,  a = 1 / (alpha tan)
+///
+/// Defined for n_dot_w in (0, 1]. The difference loses its relative accuracy as a grows, where
+/// Lambda itself vanishes: the absolute error is a rounding of exp(-a^2).  Source: [Heitz14]
+/// eq. 68.
 template <class Real>
-Real smith_visibility(Distribution distribution, Real n_dot_l, Real n_dot_v, Real alpha) {
-    if (distribution == Distribution::Ggx) return smith_visibility(n_dot_l, n_dot_v, alpha);
-    const Real masking = 1 + beckmann_lambda(n_dot_l, alpha) + beckmann_lambda(n_dot_v, alpha);
-    return 1 / (4 * n_dot_l * n_dot_v * masking);
+Real beckmann_lambda(Real n_dot_w, Real alpha) {
+    const Real tangent_alpha = alpha * std::sqrt((1 - n_dot_w) * (1 + n_dot_w)) / n_dot_w;
+    if (!(tangent_alpha > 0)) return 0;
+    const Real a = 1 / tangent_alpha;
+    const Real lambda =
+        tangent_alpha * std::exp(-a * a) * std::numbers::inv_sqrtpi_v<Real> / 2 - std::erfc(a) / 2;
+    return lambda > 0 ? lambda : 0;
+}
+
+/// Joint visibility of Beckmann.
+///
+///     V = 1 / (2 (n.l s(n.v) + n.v s(n.l))),  s(c) = c (1 + 2 Lambda)
+///                                                  = c erf(a) + alpha sin exp(-a^2) / sqrt(pi)
+///
+/// Two positive terms: no cancellation, and nothing divides by c.  Infinite only where n.l and n.v
+/// are both 0.  Source: [Heitz14] eq. 99 with eq. 68.
+template <class Real>
+Real beckmann_visibility(Real n_dot_l, Real n_dot_v, Real alpha) {
+    const auto s = [alpha](Real c) {
+        const Real scale = alpha * std::sqrt((1 - c) * (1 + c));
+        if (!(scale > 0)) return c;
+        const Real a = c / scale;
+        return c * std::erf(a) + scale * std::exp(-a * a) * std::numbers::inv_sqrtpi_v<Real>;
+    };
+    return 1 / (2 * (n_dot_l * s(n_dot_v) + n_dot_v * s(n_dot_l)));
 }
 
 /// (1 - v.h)^5: F = R0 + (1 - R0) * schlick_weight.  Source: [Schlick94] eq. 24.
@@ -120,6 +118,12 @@ Real schlick(Real r0, Real v_dot_h) {
     return r0 + (1 - r0) * schlick_weight(v_dot_h);
 }
 
+/// Distribution of microfacet normals. Both come with height-correlated Smith masking.
+enum class Distribution {
+    Ggx,       ///< [Walter07] eq. 33, after Trowbridge and Reitz. Metadata: "ggx"
+    Beckmann,  ///< [Walter07] eq. 25. Metadata: "beckmann"
+};
+
 /// How the texels of a BRDF table lie over (n.v, perceptual roughness r). What happens at grazing
 /// angles happens at n.v of about alpha = r^2, so the roots of n.v are those of r^2.
 enum class TableAxes {
@@ -128,13 +132,11 @@ enum class TableAxes {
 };
 enum class TableAxis { NDotV, Roughness };  ///< columns, rows
 
-/// n.v or r at texel `index` of an axis with `size` texels.
+/// n.v or r at texel `index` of an axis with `size` texels; fractions lie between texels.
 template <class Real>
-Real table_value(TableAxes axes, TableAxis axis, int index, int size) {
-    if (axes == TableAxes::LinearCentres) {
-        return (static_cast<Real>(index) + Real(0.5)) / static_cast<Real>(size);
-    }
-    const Real root = static_cast<Real>(index) / static_cast<Real>(size - 1);
+Real table_value(TableAxes axes, TableAxis axis, Real index, int size) {
+    if (axes == TableAxes::LinearCentres) return (index + Real(0.5)) / static_cast<Real>(size);
+    const Real root = index / static_cast<Real>(size - 1);
     return axis == TableAxis::NDotV ? root * root * root * root : root * root;
 }
 
