@@ -34,6 +34,18 @@ for environment in potsdamer_platz_1k kloppenheim_05_1k; do
     done
 done
 
+echo "== a sun in SH and mips, and extracted: materials against the traced truth"
+for scene in "$data/meshes/suzanne.glb" "$data/meshes/shader_ball.glb" "$out/scene.glb"; do
+    environment=$data/environments/kloppenheim_05_1k.hdr
+    for option in "" --extract-lights; do
+        name=$(basename "$scene" .glb)-sun${option#-}
+        # shellcheck disable=SC2086
+        "$bin/envbake" bake "$scene" --env "$environment" -o "$out/$name.envb" --quiet $option
+        echo "$name: $("$bin/envbake" render "$out/$name.envb" "$scene" --env "$environment" \
+            -o "$out/$name.png" --size 480x270 --sights 2 --reference --reference-samples 1024 --quiet)"
+    done
+done
+
 echo "== start-up: seconds, kB resident"
 bundle=$out/kloppenheim_05_1k-suzanne.envb
 for command in version --help "dump $bundle" "validate $bundle" \
