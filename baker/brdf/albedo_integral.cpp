@@ -72,8 +72,8 @@ double exponential(double z) {
     return std::exp(z);
 }
 
-/// e^z for z up to 87, relative error 2e-7; below -87 it stays at e^-87. Made of operations that compilers turn into vector
-/// instructions; the library's own function is not.
+/// e^z for z up to 87, relative error 2e-7; below -87 it stays at e^-87. Made of operations that
+/// compilers turn into vector instructions; the library's own function is not.
 float exponential(float z) {
     z = z > -87 ? z : -87;
     const int power = static_cast<int>(z * std::numbers::log2e_v<float> + (z < 0 ? -0.5f : 0.5f));
@@ -155,7 +155,6 @@ struct Beckmann {
     static double integral_of_erfc(double a) { return ierfc(a); }
     static float integral_of_erfc(float a) { return kIerfcTable(a); }
 };
-
 
 /// kLanes integrals side by side: every loop over lanes is one vector instruction after another.
 template <class Lobe, class Real, std::size_t kLanes>
@@ -290,28 +289,15 @@ DVec2 mirror(double n_dot_v) {
     return {1 - b, b};
 }
 
-/// One integral in double.
-template <class Lobe>
-DVec2 integrate(const Rules& rules, DVec2 point) {
-    if (!(point.y > 0)) return mirror(point.x);
-    Batch<Lobe, double, 1> batch;
-    batch.n_dot_v[0] = point.x;
-    batch.alpha[0] = point.y * point.y;
-    batch.integrate(rules);
-    return {batch.a[0], batch.b[0]};
-}
-
-constexpr std::size_t kLanes = 16;
-
 /// In slices of kLanes points that share nothing.
-template <class Lobe>
+template <class Lobe, class Real, std::size_t kLanes>
 std::vector<DVec2> integrate(const Rules& rules, std::span<const DVec2> points) {
     std::vector<DVec2> results(points.size());
     constexpr std::size_t kSlices = 8;  // of one task
     const std::size_t slice_count = (points.size() + kLanes - 1) / kLanes;
     parallel_for((slice_count + kSlices - 1) / kSlices, [&](std::size_t task) {
         const std::size_t last = std::min(slice_count, (task + 1) * kSlices);
-        Batch<Lobe, float, kLanes> batch;
+        Batch<Lobe, Real, kLanes> batch;
         for (std::size_t slice = task * kSlices; slice < last; ++slice) {
             // A short last slice repeats its last point.
             const std::size_t begin = slice * kLanes;
@@ -333,21 +319,32 @@ std::vector<DVec2> integrate(const Rules& rules, std::span<const DVec2> points) 
     return results;
 }
 
+template <std::size_t kLanes>
+std::vector<DVec2> integrate_in_double(Distribution distribution, std::span<const DVec2> points,
+                                       int nodes) {
+    const std::array<int, 4> counts{2 * nodes, nodes, 2 * nodes, nodes};
+    return distribution == Distribution::Ggx
+               ? integrate<Ggx, double, kLanes>(make_rules(counts, 13, 26), points)
+               : integrate<Beckmann, double, kLanes>(make_rules(counts, 2.6, 2.6), points);
+}
+
 }  // namespace
 
 std::vector<DVec2> albedo_integrals(Distribution distribution, std::span<const DVec2> points) {
     // Theta decides. GGX: 20 inner nodes leave 1.5e-6 at n.v = 1, 32 outer ones 1e-5 at n.v = 0.
     if (distribution == Distribution::Ggx) {
-        return integrate<Ggx>(make_rules({24, 12, 44, 13}, 9, 18), points);
+        return integrate<Ggx, float, 16>(make_rules({24, 12, 44, 13}, 9, 18), points);
     }
-    return integrate<Beckmann>(make_rules({16, 10, 28, 10}, 2.2, 2.2), points);
+    return integrate<Beckmann, float, 16>(make_rules({16, 10, 28, 10}, 2.2, 2.2), points);
+}
+
+std::vector<DVec2> exact_albedo_integrals(Distribution distribution, std::span<const DVec2> points,
+                                          int nodes) {
+    return integrate_in_double<8>(distribution, points, nodes);
 }
 
 DVec2 albedo_integral(Distribution distribution, DVec2 point, int nodes) {
-    const std::array<int, 4> counts{2 * nodes, nodes, 2 * nodes, nodes};
-    return distribution == Distribution::Ggx
-               ? integrate<Ggx>(make_rules(counts, 13, 26), point)
-               : integrate<Beckmann>(make_rules(counts, 2.6, 2.6), point);
+    return integrate_in_double<1>(distribution, std::span(&point, 1), nodes)[0];
 }
 
 }  // namespace envbake

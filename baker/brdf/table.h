@@ -4,6 +4,7 @@
 #include "baker/math/vector.h"
 #include "envbake/runtime/brdf.h"
 
+#include <cstdint>
 #include <vector>
 
 namespace envbake {
@@ -28,13 +29,13 @@ struct BrdfTable {
     /// Of every row: 2 integral of (A + B) n.v d(n.v), the average over the hemisphere. Error 1e-6.
     std::vector<float> average_albedo;
 
-    double texel_error = 0;  ///< worst |stored - albedo_integral| over 48 texels
+    double texel_error = 0;  ///< worst |stored - albedo_integral| over 32 texels
 
-    // Of a bilinear look-up, measured at 3072 random (n.v, r) and in the middle of 1024 cells of
-    // small n.v and r, where it is worst.
+    // Of a bilinear look-up: worst in the middle of the cells of any n.v around the least
+    // roughness, and at 1024 random (n.v, r).
     double lookup_error = 0;        ///< worst for r >= kSharpestRoughness, at any n.v
     double lookup_error_rms = 0;    ///< of the random points of such r
-    double sharp_lookup_error = 0;  ///< worst for the sharper lobes
+    double sharp_lookup_error = 0;  ///< worst for the sharper lobes: 0.1, of any table
 };
 
 /// The split-sum table: albedo_integral.h at every texel, rounded to float.
@@ -43,5 +44,9 @@ struct BrdfTable {
 /// axes, was compared with the reference: within 1e-6. O(size^2); the same bits on any number of
 /// threads.
 BrdfTable bake_brdf_table(const BrdfTableJob& job);
+
+/// The texels as half floats (runtime/half.h), A and B in turn. A is the nearest; B is, or the next
+/// lower, so that A + B <= 1 holds of the halves too. Within 2^-11 of the floats, 4.9e-4.
+std::vector<std::uint16_t> half_texels(const BrdfTable& table);
 
 }  // namespace envbake
