@@ -69,18 +69,19 @@ void add_from_frame(int bands, const DMat3& axes, const std::vector<DVec3>& coef
 /// Rows are summed onto the nodes of their block before azimuth is looked at, so that the work a
 /// texel is `nodes` multiply-adds and 1 / kRowsPerBlock of a Fourier transform of `nodes` rows.
 constexpr int kRowsPerBlock = 32;
-constexpr int kColumnsPerChunk = 128;  ///< whose sums stay in the first cache
+constexpr int kColumnsPerChunk = 64;  ///< whose sums stay in the first cache
 
-/// Nodes that a polynomial in theta through the polar factor N of Y_lm needs within a block of
-/// `height` radians, for an error below 1e-12 of l_00 whatever the map.
+/// Nodes that a polynomial in theta through the basis needs within a block of `height` radians, for
+/// an error below 1e-12 of l_00 whatever the map.
 ///
-/// N is a trigonometric polynomial of degree l in theta, and |N| <= sqrt((2 l + 1) / 4 pi), since
-/// Y_lm is N where its azimuth factor is 1 and the squares of a band sum up to that ([Unsold27]).
-/// So |N^(k)| <= l^k sqrt((2 l + 1) / 4 pi) (Bernstein), and between k Chebyshev nodes
+/// Along a meridian any Y of band l and norm 1, turned as it may be, is a trigonometric polynomial
+/// of degree l, and |Y| <= sqrt((2 l + 1) / 4 pi), for that is the norm of a band's values at a
+/// point. So its k-th derivative is at most l^k times as much (Bernstein), and between k Chebyshev
+/// nodes
 ///
-///     error <= 2 (height / 4)^k / k! max |N^(k)|
+///     error <= 2 (height / 4)^k / k! l^k sqrt((2 l + 1) / 4 pi)
 ///
-/// which times the integral of L, that is l_00 sqrt(4 pi), is at most what the loop counts.
+/// which times the integral of L, that is l_00 sqrt(4 pi), is what the loop counts.
 int node_count(int bands, double height) {
     const int l = bands - 1;
     double bound = 2 * std::sqrt(2.0 * l + 1);
@@ -123,14 +124,33 @@ class PolarNodes {
     std::vector<double> theta_, sign_;
 };
 
-/// Integrals of cos m phi and sin m phi over every column: [m][column], padded with zeros.
+/// 2 where the right half of the columns is the left one turned by pi, else 1.
+int equal_parts(const LatLongGrid& grid) {
+    const int half = grid.width / 2;
+    if (grid.width % 2 != 0) return 1;
+    for (int c = 0; c <= half; ++c) {
+        const double turn = grid.phi_edges[index(c + half)] - grid.phi_edges[index(c)];
+        if (std::abs(turn - pi) > 1e-14) return 1;
+    }
+    return 2;
+}
+
+/// Integrals of cos m phi and sin m phi over every column: [m][column], padded with zeros. Half a
+/// turn on they are the same for even m and the opposite for odd m, so that the sum of both halves
+/// of a row has its even m, and their difference its odd m, in half the columns.
 struct ColumnIntegrals {
+    int parts = 0;
+    int width = 0;  ///< of one part
     int stride = 0;
     std::vector<double> cosine, sine;
 
     ColumnIntegrals(const LatLongGrid& grid, int bands)
-        : stride(padded(grid.width)), cosine(index(stride * bands)), sine(index(stride * bands)) {
-        for (int c = 0; c < grid.width; ++c) {
+        : parts(equal_parts(grid)),
+          width(grid.width / parts),
+          stride(padded(width)),
+          cosine(index(stride * bands)),
+          sine(index(stride * bands)) {
+        for (int c = 0; c < width; ++c) {
             const double half = (grid.phi_edges[index(c + 1)] - grid.phi_edges[index(c)]) / 2;
             const double middle = grid.phi_edges[index(c)] + half;
             const std::complex<double> step = std::polar(1.0, middle),
@@ -257,27 +277,45 @@ void project_rows(int bands, const LatLongGrid& grid, const ColumnIntegrals& col
 
     const int planes = nodes.count() * kChannels;
     std::vector<float> packed(index(rows * kChannels * kColumnsPerChunk));
-    std::vector<double> sums(index(stride * kChannels * kColumnsPerChunk));
+    const std::size_t part_size = index(stride * kChannels * kColumnsPerChunk);
+    std::vector<double> sums(index(columns.parts) * part_size);
     std::vector<Double8> cosine(index(bands * planes), Double8{}), sine(cosine);
-    for (int c = 0; c < grid.width; c += kColumnsPerChunk) {
-        const int count = std::min(kColumnsPerChunk, grid.width - c);
-        for (int r = 0; r < rows; ++r) {
-            const Vec3* row = radiance + index(first + r) * index(grid.width) + c;
-            pack<kChannels>(row, count, packed.data() + r * kChannels * kColumnsPerChunk);
+    for (int c = 0; c < columns.width; c += kColumnsPerChunk) {
+        const int count = std::min(kColumnsPerChunk, columns.width - c);
+        for (int part = 0; part < columns.parts; ++part) {
+            for (int r = 0; r < rows; ++r) {
+                const Vec3* row =
+                    radiance + index(first + r) * index(grid.width) + part * columns.width + c;
+                pack<kChannels>(row, count, packed.data() + r * kChannels * kColumnsPerChunk);
+                // The next chunk comes from memory while this one is summed.
+                const int ahead = std::min(2 * kColumnsPerChunk, columns.width - c);
+                constexpr int kTexelsPerLine = 5;
+                for (int i = kColumnsPerChunk; i < ahead; i += kTexelsPerLine) {
+                    __builtin_prefetch(row + i, 0, 2);
+                }
+            }
+            double* part_sums = sums.data() + index(part) * part_size;
+            int k = 0;
+            const auto sum_onto = [&](auto group) {
+                sum_rows<kChannels, group()>(packed.data(), rows, padded(count), weights.data() + k,
+                                             stride, part_sums + k * kChannels * kColumnsPerChunk);
+                k += group();
+            };
+            while (k + 2 * kGroup <= stride) sum_onto(std::integral_constant<int, 2 * kGroup>{});
+            if (k < stride) sum_onto(std::integral_constant<int, kGroup>{});
         }
-        int k = 0;
-        const auto sum_onto = [&](auto group) {
-            sum_rows<kChannels, group()>(packed.data(), rows, padded(count), weights.data() + k,
-                                         stride, sums.data() + k * kChannels * kColumnsPerChunk);
-            k += group();
-        };
-        while (k + 2 * kGroup <= stride) sum_onto(std::integral_constant<int, 2 * kGroup>{});
-        if (k < stride) sum_onto(std::integral_constant<int, kGroup>{});
-
+        if (columns.parts == 2) {
+            for (std::size_t i = 0; i < part_size; ++i) {
+                const double left = sums[i], right = sums[part_size + i];
+                sums[i] = left + right;
+                sums[part_size + i] = left - right;
+            }
+        }
         for (int m = 0; m < bands; ++m) {
+            const double* in = sums.data() + index(m % columns.parts) * part_size;
             int p = 0;
             const auto add = [&](auto group) {
-                add_spectrum<group()>(sums.data() + p * kColumnsPerChunk,
+                add_spectrum<group()>(in + p * kColumnsPerChunk,
                                       columns.cosine.data() + m * columns.stride + c,
                                       columns.sine.data() + m * columns.stride + c, padded(count),
                                       cosine.data() + m * planes + p, sine.data() + m * planes + p);

@@ -12,14 +12,18 @@ struct ShLightingJob {
 };
 
 /// Integrates the piecewise-constant environment against the SH basis, in double. Relative error
-/// below 1e-12 of l_00 on either grid, whatever its edges.
+/// below 1e-12 of l_00 on either grid, whatever its edges and its texels.
 ///
-/// Lat-long: about its own pole a texel separates, so azimuth is integrated in closed form, polar
-/// angle by as many Gauss-Legendre nodes as the tallest row needs, and one orthogonal matrix a band
-/// turns the pole to +Z. Cube: Gauss-Legendre in (u, v), the basis once for all six faces.
+/// Lat-long: about its own pole a texel separates. Azimuth is integrated in closed form. Polar
+/// angle: 32 rows at a time are summed onto as many Chebyshev nodes as a bound on the error of
+/// interpolating the basis asks for (8 for 10 bands of 4096 rows), and only these are transformed.
+/// One orthogonal matrix a band turns the pole to +Z. Cube: Gauss-Legendre in (u, v), the basis
+/// once for all six faces.
 ///
-/// Cost: O(texels * bands) lat-long, O(texels * bands^2) cube; memory a row a thread.
-/// Deterministic: rows are summed in a fixed order whatever the number of threads.
+/// Cost: lat-long, one read of the map and O(texels * (nodes + bands * nodes / 32)); cube,
+/// O(texels * bands^2); grey maps a third of it. Memory: the columns' table and 64 columns of a
+/// block a thread.
+/// Deterministic: blocks are summed in a fixed order whatever the number of threads.
 ShLighting project_sh(const ShLightingJob& job, const Environment& environment);
 
 }  // namespace envbake
