@@ -21,9 +21,9 @@ struct ShLightingJob {
 /// once for all six faces.
 ///
 /// Cost: lat-long, one read of the map and O(texels * (nodes + bands * nodes / 32)); cube,
-/// O(texels * bands^2); grey maps a third of it. Memory: the columns' table and 64 columns of a
-/// block a thread.
-/// Deterministic: blocks are summed in a fixed order whatever the number of threads.
+/// O(texels * bands^2). A grey map has a third of the arithmetic and all of the reading. Memory:
+/// the columns' table and 64 columns of a block a thread. Deterministic: blocks are summed in a
+/// fixed order whatever the number of threads.
 ShLighting project_sh(const ShLightingJob& job, const Environment& environment);
 
 }  // namespace envbake
