@@ -71,7 +71,7 @@ void declare_request(CLI::App& app, BakeRequest& request) {
            "--table-axes",
            [&request](const std::string& name) {
                request.table_axes = name == "roots" ? runtime::TableAxes::RootsEndPoints
-                                                   : runtime::TableAxes::LinearCentres;
+                                                    : runtime::TableAxes::LinearCentres;
            },
            "roots: (n.v)^(1/4), r^(1/2), end points stored; linear: n.v, r, texel centres")
         ->check(CLI::IsMember({"roots", "linear"}))

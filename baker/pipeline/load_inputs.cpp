@@ -68,10 +68,11 @@ Expected<BakeInputs> load_inputs(const BakeRequest& request) {
         inputs.facts.meshes = collect_mesh_facts(*inputs.scene);
     }
     if (!request.environment.empty()) {
-        ENVBAKE_TRY(inputs.environment,
-                    read_environment(request.environment, {.strict = request.strict}));
+        // Hashed first, while no map is in memory: a mapped file may be as large.
         ENVBAKE_TRY_VOID(add_file(inputs.files, "environment",
                                   request.environment.filename().string(), request.environment));
+        ENVBAKE_TRY(inputs.environment,
+                    read_environment(request.environment, {.strict = request.strict}));
         collect_lighting_facts(request, inputs);
     }
     return inputs;

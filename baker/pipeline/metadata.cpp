@@ -51,7 +51,8 @@ Json conventions() {
          "T_i"},
         {"roughness", "perceptual, alpha = roughness^2; mip k of n holds roughness k / (n - 1)"},
         {"mips",
-         "N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), D is GGX "
+         "N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), D is "
+         "GGX "
          "or Beckmann by the array's name"},
         {"brdf",
          "specular albedo = R0 A + B, GGX or Beckmann by the array's name, height-correlated "
@@ -229,8 +230,7 @@ Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const B
     if (inputs.environment)
         json["environment"] =
             environment_json(request, *inputs.environment, *inputs.facts.environment, report);
-    if (report.ggx.table)
-        json["brdf"]["ggx"] = table_json(*report.ggx.table, request.table_axes);
+    if (report.ggx.table) json["brdf"]["ggx"] = table_json(*report.ggx.table, request.table_axes);
     if (report.beckmann.table)
         json["brdf"]["beckmann"] = table_json(*report.beckmann.table, request.table_axes);
     if (inputs.scene) {

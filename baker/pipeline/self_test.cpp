@@ -147,9 +147,8 @@ DVec3 sample_faces(const StoredArrays::Mip& mip, const DVec3& w) {
         corners[corner] = texel_across_edges(mip, at.face, y.below + k / 2, x.below + k % 2);
         if (corners[corner]) sum_of_three += *corners[corner];
     }
-    const std::array<double, 4> weights{
-        (1 - x.beyond) * (1 - y.beyond), x.beyond * (1 - y.beyond), (1 - x.beyond) * y.beyond,
-        x.beyond * y.beyond};
+    const std::array<double, 4> weights{(1 - x.beyond) * (1 - y.beyond), x.beyond * (1 - y.beyond),
+                                        (1 - x.beyond) * y.beyond, x.beyond * y.beyond};
     DVec3 sum{0};
     for (std::size_t k = 0; k < 4; ++k)
         sum += weights[k] * (corners[k] ? *corners[k] : sum_of_three / 3.0);
@@ -169,8 +168,8 @@ DVec3 sample_image(const StoredArrays::Mip& mip, const DVec3& w) {
             column += mip.width / 2;
         }
         column = (column + mip.width) % mip.width;
-        const double weight = (k % 2 != 0 ? x.beyond : 1 - x.beyond) *
-                              (k / 2 != 0 ? y.beyond : 1 - y.beyond);
+        const double weight =
+            (k % 2 != 0 ? x.beyond : 1 - x.beyond) * (k / 2 != 0 ? y.beyond : 1 - y.beyond);
         sum += weight * texel(mip, 0, row, column);
     }
     return sum;

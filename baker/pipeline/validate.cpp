@@ -381,8 +381,8 @@ class Validation {
             return;
         }
         if (!levels.is_array() || levels.size() != stored.size()) {
-            wrong_field(concat(name, ".levels does not list the arrays environment/", lobe.mips,
-                               "/K"));
+            wrong_field(
+                concat(name, ".levels does not list the arrays environment/", lobe.mips, "/K"));
             return;
         }
         const auto steps = static_cast<double>(count.get<std::uint64_t>() - 1);
@@ -390,9 +390,8 @@ class Validation {
             const std::uint64_t level = stored[i].level;
             const Json roughness = member(levels[i], "roughness");
             if (level != stored[0].level + i)
-                wrong_field(
-                    concat("mip ", stored[0].level + i, " is not stored, but ", stored[i].name,
-                           " is"));
+                wrong_field(concat("mip ", stored[0].level + i, " is not stored, but ",
+                                   stored[i].name, " is"));
             else if (level >= count.get<std::uint64_t>())
                 wrong_field(concat(name, ".count is not above ", stored[i].name));
             else if (!is_integer(member(levels[i], "level"), level, level) ||

@@ -70,12 +70,11 @@ Vec3 light_reflected(const runtime::Bundle& bundle, const Tracer& tracer, const 
     Vec3 sum(0);
     if (!bundle.lights_extracted()) return sum;
     const Vec3 albedo = material.diffuse_albedo();
-    const runtime::Surface surface{
-        .normal = to_runtime(point.normal),
-        .albedo = {albedo.x, albedo.y, albedo.z},
-        .r0 = {material.r0.x, material.r0.y, material.r0.z},
-        .perceptual_roughness = material.perceptual_roughness,
-        .distribution = bundle.distribution()};
+    const runtime::Surface surface{.normal = to_runtime(point.normal),
+                                   .albedo = {albedo.x, albedo.y, albedo.z},
+                                   .r0 = {material.r0.x, material.r0.y, material.r0.z},
+                                   .perceptual_roughness = material.perceptual_roughness,
+                                   .distribution = bundle.distribution()};
     for (const runtime::DominantLight& light : bundle.lights()) {
         const DVec3 towards(light.direction[0], light.direction[1], light.direction[2]);
         if (tracer.occluded(point.light_origin, towards)) continue;

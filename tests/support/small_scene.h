@@ -59,8 +59,8 @@ inline std::filesystem::path write_small_scene(const std::filesystem::path& fold
     return folder / (name + ".gltf");
 }
 
-/// Writes a 32 x 16 grey sky with a bright, yellowish texel high in the +X half. `level` is a whole number of 1 to
-/// 255, but not 2: a row that begins with 2, 2 would be read as run-length encoded.
+/// Writes a 32 x 16 grey sky with a bright, yellowish texel high in the +X half. `level` is a whole
+/// number of 1 to 255, but not 2: a row that begins with 2, 2 would be read as run-length encoded.
 inline std::filesystem::path write_small_sky(const std::filesystem::path& file, float level = 1) {
     std::vector<float> rgb(32 * 16 * 3, level);
     for (std::size_t c = 0; c < 3; ++c) rgb[(3 * 32 + 16) * 3 + c] = 256 * (c < 2 ? 200 : 180);

@@ -24,10 +24,10 @@ struct Storage {
 };
 
 DVec3 centre_of(const StoredArrays::Mip& mip, int face, int row, int column) {
-    const auto w = mip.faces == 6
-                       ? cube::texel_direction<double>(static_cast<cube::Face>(face), row, column,
-                                                       mip.width)
-                       : lat_long::direction((column + 0.5) / mip.width, (row + 0.5) / mip.height);
+    const auto w =
+        mip.faces == 6
+            ? cube::texel_direction<double>(static_cast<cube::Face>(face), row, column, mip.width)
+            : lat_long::direction((column + 0.5) / mip.width, (row + 0.5) / mip.height);
     return {w[0], w[1], w[2]};
 }
 
@@ -46,8 +46,7 @@ StoredArrays::Mip sample_mip(int level, const Storage& storage) {
             for (int column = 0; column < mip.width; ++column)
                 for (int c = 0; c < mip.channels; ++c)
                     mip.texels.push_back(static_cast<float>(
-                        (c + 1) *
-                        (1 + 0.1 * level + 0.2 * centre_of(mip, face, row, column).x)));
+                        (c + 1) * (1 + 0.1 * level + 0.2 * centre_of(mip, face, row, column).x)));
     return mip;
 }
 
@@ -57,8 +56,7 @@ StoredArrays sample_arrays(const Storage& storage = {}) {
     arrays.bands = 3;
     for (int i = 0; i < 27; ++i) arrays.sh.push_back(0.1f * static_cast<float>(27 - i));
     arrays.mip_count = 3;
-    for (int level = 0; level < 3; ++level)
-        arrays.ggx.mips.push_back(sample_mip(level, storage));
+    for (int level = 0; level < 3; ++level) arrays.ggx.mips.push_back(sample_mip(level, storage));
     for (int level = 1; level < 3; ++level) {
         arrays.beckmann.mips.push_back(sample_mip(level, storage));
         for (float& texel : arrays.beckmann.mips.back().texels) texel *= 0.9f;
@@ -157,7 +155,8 @@ TEST(SelfTest, TheLobesShareTheMirrorAlone) {
     ASSERT_EQ(test.ggx.input, test.beckmann.input);
     for (std::size_t i = 0; i < test.ggx.value.size() / 3; ++i) {
         const double roughness = static_cast<double>(test.ggx.input[8 * i + 6]);
-        const double ratio = static_cast<double>(test.beckmann.value[3 * i] / test.ggx.value[3 * i]);
+        const double ratio =
+            static_cast<double>(test.beckmann.value[3 * i] / test.ggx.value[3 * i]);
         EXPECT_NEAR(ratio, roughness < 0.5 ? 1 - 0.2 * roughness : 0.9, 0.01) << roughness;
     }
 }

@@ -309,7 +309,8 @@ TEST_F(Validate, GreyLatLongMipsOfBothLobesAreGood) {
     const std::string lists = R"({"level":0,"width":16,"height":8,"roughness":0},)" + level_1;
     content.replace(R"({"level":0,"face_size":1,"roughness":0})", lists);
     content.replace(R"("mips":)", R"("lights":{"extracted":false},"mips":)");
-    content.replace(R"("mips":)", R"("mips_beckmann":{"count":3,"levels":[)" + level_1 + R"(]},"mips":)");
+    content.replace(R"("mips":)",
+                    R"("mips_beckmann":{"count":3,"levels":[)" + level_1 + R"(]},"mips":)");
     content.replace(R"("ggx":)", R"("beckmann":{"axes":"linear"},"ggx":)");
     content.also = [](Writer& writer) {
         add_ones(writer, "environment/mips/1", {4, 8, 1});
@@ -325,25 +326,58 @@ TEST_F(Validate, GreyLatLongMipsOfBothLobesAreGood) {
 
 TEST_F(Validate, LightingArraysHaveTheirShapes) {
     const std::vector<std::pair<int, std::function<void(Writer&)>>> faults{
-        {103, [](Writer& w) { add_ones(w, "environment/lights", {1, 8}); }},
+        {103,
+         [](Writer& w) {
+             add_ones(w, "environment/lights", {1, 8});
+         }},
         {103, [](Writer& w) { add_ones(w, "environment/lights", {9}); }},
         {102,
          [](Writer& w) {
-             EXPECT_TRUE(w.add<std::uint32_t>("environment/lights", {1, 9},
-                                              std::vector<std::uint32_t>(9)));
+             EXPECT_TRUE(
+                 w.add<std::uint32_t>("environment/lights", {1, 9}, std::vector<std::uint32_t>(9)));
          }},
-        {101, [](Writer& w) { add_ones(w, "environment/lights", {1, 9}); }},  // extracted?
-        {103, [](Writer& w) { add_ones(w, "environment/irradiance", {4, 2}); }},
-        {103, [](Writer& w) { add_ones(w, "environment/mips_beckmann/0", {6, 1, 1, 2}); }},
-        {103, [](Writer& w) { add_ones(w, "environment/mips_beckmann/0", {3, 6, 3}); }},
-        {103, [](Writer& w) { add_ones(w, "environment/mips_beckmann/0", {4, 6, 3}); }},
-        {101, [](Writer& w) { add_ones(w, "environment/mips_beckmann/0", {6, 1, 1, 3}); }},
-        {103, [](Writer& w) { add_ones(w, "brdf/beckmann", {4, 3, 2}); }},
-        {101, [](Writer& w) { add_ones(w, "brdf/beckmann", {4, 4, 2}); }},
+        {101,
+         [](Writer& w) {
+             add_ones(w, "environment/lights", {1, 9});
+         }},  // extracted?
+        {103,
+         [](Writer& w) {
+             add_ones(w, "environment/irradiance", {4, 2});
+         }},
+        {103,
+         [](Writer& w) {
+             add_ones(w, "environment/mips_beckmann/0", {6, 1, 1, 2});
+         }},
+        {103,
+         [](Writer& w) {
+             add_ones(w, "environment/mips_beckmann/0", {3, 6, 3});
+         }},
+        {103,
+         [](Writer& w) {
+             add_ones(w, "environment/mips_beckmann/0", {4, 6, 3});
+         }},
+        {101,
+         [](Writer& w) {
+             add_ones(w, "environment/mips_beckmann/0", {6, 1, 1, 3});
+         }},
+        {103,
+         [](Writer& w) {
+             add_ones(w, "brdf/beckmann", {4, 3, 2});
+         }},
+        {101,
+         [](Writer& w) {
+             add_ones(w, "brdf/beckmann", {4, 4, 2});
+         }},
         {103, [](Writer& w) { add_ones(w, "brdf/ggx_average_albedo", {3}); }},
         {103, [](Writer& w) { add_ones(w, "brdf/beckmann_average_albedo", {4}); }},
-        {101, [](Writer& w) { add_ones(w, "selftest/specular_beckmann/input", {1, 8}); }},
-        {101, [](Writer& w) { add_ones(w, "selftest/specular_beckmann/value", {1, 3}); }},
+        {101,
+         [](Writer& w) {
+             add_ones(w, "selftest/specular_beckmann/input", {1, 8});
+         }},
+        {101,
+         [](Writer& w) {
+             add_ones(w, "selftest/specular_beckmann/value", {1, 3});
+         }},
     };
     for (std::size_t i = 0; i < faults.size(); ++i) {
         Content content;
