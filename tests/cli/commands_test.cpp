@@ -340,6 +340,43 @@ TEST_F(Commands, EveryLightingOptionMakesAValidBundle) {
     EXPECT_EQ(envbake(bake_arguments({"--roughness-range", "0.5"})).status, 2);
 }
 
+// Lights and remainder are the environment: SH loses E Y(w) of the light, by band 0 exactly.
+TEST_F(Commands, ExtractedLightsAndTheRestAreTheEnvironment) {
+    // A blue sky that no band of SH is without.
+    std::vector<float> rgb;
+    for (std::size_t texel = 0; texel < 128 * 64; ++texel) {
+        const float level = texel < 20 * 128 ? 4.0f : 1.0f;
+        rgb.insert(rgb.end(), {level, level, 2 * level});
+    }
+    for (const std::size_t texel : {20 * 128 + 70, 20 * 128 + 71, 21 * 128 + 70})
+        for (std::size_t c = 0; c < 3; ++c) rgb[texel * 3 + c] = 256 * (c < 2 ? 200 : 180);
+    write_file(sky_, radiance_bytes(128, 64, rgb));
+    const auto values = [&](const char* name) {
+        const std::string file = (folder_ / "values.json").string();
+        EXPECT_EQ(envbake({"extract", bundle_, name, "-o", file}).status, 0);
+        return json::parse(read_file(file))["values"].get<std::vector<double>>();
+    };
+    bake();
+    const auto whole = values("environment/sh"), light = values("environment/lights");
+    EXPECT_EQ(dump()["metadata"]["environment"]["lights"]["extracted"], false);
+    bake({"--extract-lights"});
+    const auto rest = values("environment/sh");
+    EXPECT_EQ(dump()["metadata"]["environment"]["lights"]["extracted"], true);
+    EXPECT_EQ(values("environment/lights"), light);
+    ASSERT_EQ(light.size(), 9u);
+    ASSERT_EQ(rest.size(), whole.size());
+    for (std::size_t c = 0; c < 3; ++c) {
+        const double y00 = 0.28209479177, y1 = 0.48860251190;
+        EXPECT_NEAR((whole[c] - rest[c]) / (light[3 + c] * y00), 1, 1e-6);
+        for (const auto& [slot, axis] : {std::pair{1, 1}, {2, 2}, {3, 0}}) {  // (y, z, x)
+            const auto i = static_cast<std::size_t>(3 * slot) + c;
+            EXPECT_NEAR(whole[i] - rest[i],
+                        light[3 + c] * y1 * light[static_cast<std::size_t>(axis)],
+                        2e-3 * light[3 + c]);
+        }
+    }
+}
+
 TEST_F(Commands, DiffSaysWhatAndHowMuch) {
     bake();
     const std::string other = (folder_ / "other.envb").string();
