@@ -304,7 +304,8 @@ TEST_F(Commands, AConstantGreySkyIsAFewNumbers) {
     write_file(sky_, radiance_bytes(32, 16, std::vector<float>(32 * 16 * 3, 3.0f)));
     bake();
     EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
-    for (const json& array : dump()["arrays"]) {
+    const json d = dump();
+    for (const json& array : d["arrays"]) {
         const std::string name = array["name"];
         if (name == "environment/sh") {
             EXPECT_EQ(array["shape"], json({1, 1}));
