@@ -87,10 +87,10 @@ ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
         scale_[k] = peak > 0 ? std::ldexp(1.0, -(std::ilogb(peak) + 1)) : 1.0;
     }
 
-    // Blocks of about the asked extent, but 300 rows of blocks, or a quarter of the map's, suffice:
-    // what needs finer is opened into texels.
+    // Blocks of about the asked extent, but no more than 170 rows of them: 30 MB, what it takes to
+    // build them included. What needs finer is opened into texels.
     const double texel_extent = (lat_long ? pi : pi / 2) / height_;
-    const int limit = std::max(lat_long ? 300 : 150, height_ / 4);
+    const int limit = lat_long ? 170 : 85;
     const int least = (height_ + limit - 1) / limit;
     const int asked = static_cast<int>(std::min(base_extent_rad / texel_extent + 0.5, 1e6));
     const int texels_per_block = std::clamp(std::max(asked, least), 1, height_);

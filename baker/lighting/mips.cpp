@@ -41,9 +41,9 @@ double alpha_of(float perceptual_roughness) {
 /// a map is made against the method (a texel of 120 degrees beside one a thousand times darker).
 lighting::PrefilterAccuracy accuracy_for(double tolerance) {
     const double relative = std::clamp(tolerance, 1e-5, 0.3) / 1e-3;
-    const double cluster = 3e-5 * (relative < 1 ? relative * relative : relative);
+    const double cluster = 3e-5 * (relative < 1 ? relative * std::sqrt(relative) : relative);
     return {.cluster = cluster,
-            .horizon = 10 * cluster,
+            .horizon = 4 * cluster,
             .extent2 = std::clamp(std::cbrt(6 * tolerance), 0.03, 0.5),
             .interpolation = 1e-3 * std::min(relative, 5.0),
             .negligible = 1e-6 * relative};

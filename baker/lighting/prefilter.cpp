@@ -196,7 +196,7 @@ Prefiltered prefilter_with(const ClusterTree& tree, const PrefilterJob& job, Pro
 }  // namespace
 
 double base_extent_for(double alpha) {
-    return std::clamp(0.4 * alpha, 1e-6, 0.1);
+    return std::clamp(0.4 * alpha, 1e-6, 0.025);
 }
 
 Prefiltered prefilter(const ClusterTree& tree, const PrefilterJob& job, Progress& progress) {
