@@ -349,7 +349,7 @@ TEST_F(Commands, ExtractedLightsAndTheRestAreTheEnvironment) {
         const float level = texel < 20 * 128 ? 4.0f : 1.0f;
         rgb.insert(rgb.end(), {level, level, 2 * level});
     }
-    for (const std::size_t texel : {20 * 128 + 70, 20 * 128 + 71, 21 * 128 + 70})
+    for (const std::size_t texel : {20u * 128 + 70, 20u * 128 + 71, 21u * 128 + 70})
         for (std::size_t c = 0; c < 3; ++c) rgb[texel * 3 + c] = 256 * (c < 2 ? 200 : 180);
     write_file(sky_, radiance_bytes(128, 64, rgb));
     const auto values = [&](const char* name) {
