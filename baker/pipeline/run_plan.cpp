@@ -17,6 +17,12 @@ namespace envbake {
 
 namespace {
 
+/// The half of a pair of lobes that a distribution has, in a report and among the stored arrays.
+template <class Lobes>
+auto& lobe_of(Lobes& lobes, runtime::Distribution distribution) {
+    return distribution == runtime::Distribution::Ggx ? lobes.ggx : lobes.beckmann;
+}
+
 /// Runs one plan; holds what its stages share.
 class Run {
   public:
@@ -124,15 +130,14 @@ class Run {
     }
 
     Expected<void> bake(const std::string& output, const PlannedMips& mips) {
-        const bool ggx = mips.job.distribution == runtime::Distribution::Ggx;
         report_.mip_count = stored_.mip_count = mips.level_count;
         for (Mip& mip : bake_mips(mips.job, *inputs_.environment, progress_)) {
             mip.error_estimate += mips.contrast;
-            (ggx ? report_.ggx : report_.beckmann)
+            lobe_of(report_, mips.job.distribution)
                 .mip_levels.push_back(
                     {mip.level, mip.faces, mip.width, mip.height, mip.perceptual_roughness});
             ENVBAKE_TRY_VOID(store(concat(output, "/", mip.level), mip,
-                                   (ggx ? stored_.ggx : stored_.beckmann).mips));
+                                   lobe_of(stored_, mips.job.distribution).mips));
         }
         return {};
     }
@@ -163,20 +168,16 @@ class Run {
     }
 
     Expected<void> bake(const std::string& output, const PlannedTable& planned) {
-        const bool ggx = planned.job.distribution == runtime::Distribution::Ggx;
-        const BrdfTable table = bake_brdf_table(planned.job);
-        StoredArrays::Lobe& stored = ggx ? stored_.ggx : stored_.beckmann;
+        BrdfTable table = bake_brdf_table(planned.job);
+        StoredArrays::Lobe& stored = lobe_of(stored_, planned.job.distribution);
         stored.table_size = planned.job.size;
         stored_.table_axes = planned.job.axes;
-        for (const Vec2& texel : table.texels)
-            stored.table.insert(stored.table.end(), {texel.x, texel.y});
         const auto size = static_cast<std::uint64_t>(planned.job.size);
         report_.array_errors[output] = {
             table.lookup_error,
             concat("worst |bilinear look-up - true|, roughness from ", kSharpestRoughness)};
         if (planned.half) {
             std::vector<format::Half> halves;
-            stored.table.clear();
             for (const std::uint16_t bits : half_texels(table)) {
                 halves.push_back({bits});
                 stored.table.push_back(runtime::half_to_float(bits));
@@ -185,12 +186,14 @@ class Run {
             ENVBAKE_TRY_VOID(
                 add<format::Half>(output, {size, size, 2}, halves, format::Codec::None));
         } else {
+            for (const Vec2& texel : table.texels)
+                stored.table.insert(stored.table.end(), {texel.x, texel.y});
             ENVBAKE_TRY_VOID(
                 add<float>(output, {size, size, 2}, stored.table, format::Codec::None));
         }
         ENVBAKE_TRY_VOID(add<float>(output + "_average_albedo", {size}, table.average_albedo,
                                     format::Codec::None));
-        (ggx ? report_.ggx : report_.beckmann).table = table;
+        lobe_of(report_, planned.job.distribution).table = std::move(table);
         return {};
     }
 
