@@ -45,7 +45,7 @@ lighting::PrefilterAccuracy accuracy_for(double tolerance) {
     return {.cluster = cluster,
             .horizon = 4 * cluster,
             .extent2 = std::clamp(std::cbrt(6 * tolerance), 0.03, 0.5),
-            .interpolation = 1e-3 * std::min(relative, 5.0),
+            .interpolation = 1e-3 * std::min(relative < 1 ? relative * relative : relative, 5.0),
             .negligible = 1e-6 * relative};
 }
 

@@ -72,8 +72,8 @@ TEST(MipKernel, MassMatchesClosedForm) {  // row C1
     for (const auto& [r, mass] : rows) {
         const double alpha = r * r;
         const auto weight = lighting::GgxWeight<double>::of(alpha);
-        // K = A / 4 pi t^2 mu
-        EXPECT_NEAR(weight.A / (4 * pi) / weight.inverse_norm, mass, 2e-12) << r;
+        // D = t^2 / (pi A), and K = D mu / 4
+        EXPECT_NEAR(1 / (4 * pi * alpha * alpha * weight.inverse_norm), mass, 2e-12) << r;
     }
 }
 
@@ -81,10 +81,9 @@ TEST(MipKernel, NormIsSmoothInRoughness) {
     // Against quadrature, on both sides of where the series takes over, and where alpha is tiny.
     for (const double alpha : {1e-6, 1e-4, 0.01, 0.3, 0.98, 0.9899, 0.9903, 0.999, 1.0}) {
         const auto weight = lighting::GgxWeight<double>::of(alpha);
-        // The reference's weight is A / pi (A + b u)^-2 mu.
-        EXPECT_NEAR(weight.A / pi / weight.inverse_norm / test::PrefilterReference::norm(alpha), 1,
-                    1e-8)
-            << alpha;
+        // The reference's weight is t^2 mu / (pi A).
+        const double norm = 1 / (pi * alpha * alpha * weight.inverse_norm);
+        EXPECT_NEAR(norm / test::PrefilterReference::norm(alpha), 1, 1e-8) << alpha;
     }
 }
 
