@@ -81,6 +81,8 @@ struct GgxWeight {
     /// Measured: the errors of one source, and of the lobe's core, beside those of GGX.
     static constexpr double kCurvature = 1;
     static constexpr double kCore = 1;
+    /// Measured: what sums over many sources come to.
+    static constexpr float kCoreSum = 0.06f, kCurvatureSum = 1, kMissedSum = 0.025f;
     /// The tail falls so slowly that no source is too far to matter.
     static constexpr bool kTailEnds = false;
     /// Interpolation from 8 Chebyshev points over +-half_width, relative to `near`: a pole at
@@ -154,6 +156,7 @@ struct BeckmannWeight {
     static constexpr double kFrontExtent2 = 4;
     static constexpr double kCurvature = 0.03;
     static constexpr double kCore = 0.015;
+    static constexpr float kCoreSum = 0.02f, kCurvatureSum = 0.7f, kMissedSum = 0.02f;
     static constexpr bool kTailEnds = true;
     /// A Gaussian of width sqrt(2) alpha is missed by some (half_width / width)^8.
     S missed(const WeightNearby<S>& near, S half_width) const {

@@ -89,7 +89,7 @@ std::vector<Mip> bake_mips(const MipsJob& job, const Environment& environment, P
         // A map without excess over its floor is a constant one, and exact.
         const bool constant = tree->mean_excess() == DVec3{0};
         mip.error_estimate =
-            kRounding + (constant ? 0 : std::max(result.error_estimate, job.tolerance / 2));
+            kRounding + (constant ? 0 : std::max(result.error_estimate, 0.9 * job.tolerance));
     }
     return mips;
 }

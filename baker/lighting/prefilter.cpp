@@ -27,7 +27,7 @@ constexpr double kLeastAlphaInFloat = 3.9e-4;
 
 enum class Method {
     Interpolated,  ///< tiles of 16 x 16 texels, as wide as the lobe at most
-    Direct,        ///< of 8 x 8, likewise
+    Direct,        ///< of 8 x 8, likewise; of 4 x 4 on the smallest faces
     Sharp,         ///< of 4 x 4, each texel judged by itself
 };
 
@@ -45,8 +45,9 @@ Tiling tiling_for(double core, int size, const PrefilterAccuracy& accuracy) {
         return {Method::Interpolated, kInterpolatedTile};
     }
     if (kDirectTile * texel <= std::min(1.6 * core, 0.6)) return {Method::Direct, kDirectTile};
+    if (core >= 0.8) return {Method::Direct, kSharpTile};
     // Far apart, texels have no list of sources in common.
-    return {Method::Sharp, kSharpTile * texel <= 0.6 ? kSharpTile : 2};
+    return {Method::Sharp, kSharpTile};
 }
 
 /// The lobe is GgxWeight or BeckmannWeight, the numbers float or double, the channels 1 or 3.

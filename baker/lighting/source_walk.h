@@ -8,6 +8,7 @@
 #include "baker/lighting/source_view.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -27,9 +28,6 @@ struct Sources {
     std::vector<const ClusterMoments<float>*> clusters, horizon_clusters;
     std::vector<PatchMoments<S>> patches, horizon_patches;
 
-    std::size_t size() const {
-        return clusters.size() + horizon_clusters.size() + patches.size() + horizon_patches.size();
-    }
     void clear() {
         clusters.clear();
         horizon_clusters.clear();
@@ -71,16 +69,17 @@ struct EstimateSums {
     Real core{}, curvature{}, kink2{}, interpolation2{}, dropped{};
 
     template <class S>
-    void add(const SourceEstimate<Real>& e, S part) {
+    [[gnu::always_inline]] void add(const SourceEstimate<Real>& e, S part) {
         core += e.core * part;
         curvature += e.curvature * part;
         kink2 += e.kink * e.kink * (part * part);
         if (!e.direct) interpolation2 += e.interpolation * e.interpolation * (part * part);
     }
     /// Calibrated against brute force, factor by factor, on photographs, synthetic skies and noise.
-    Real error() const {
-        return core * 0.06f + curvature * 0.15f + square_root(kink2) * 0.3f +
-               square_root(interpolation2) * 0.02f + dropped;
+    template <class Lobe>
+    Real error(float of_curvature) const {
+        return core * Lobe::kCoreSum + curvature * (Lobe::kCurvatureSum * of_curvature) +
+               square_root(kink2) * 0.3f + square_root(interpolation2) * Lobe::kMissedSum + dropped;
     }
 };
 
@@ -144,12 +143,12 @@ class SourceWalk {
                 const bool horizon = std::abs(along) < radius_ + S(n.radius);
                 const ClusterMoments<float>& m = clusters_of(v).moments[v.node];
                 (horizon ? far_.horizon_clusters : far_.clusters).push_back(&m);
-                hand_over(emit, kBatch);
+                hand_over_many(emit);
             } else {
                 open(v, emit);
             }
         }
-        hand_over(emit, 0);
+        hand_over(emit);
     }
 
     /// Opens the front until every source is good enough. `received` is what arrives at the points
@@ -160,6 +159,10 @@ class SourceWalk {
         relate_to(received);
         coarse_ = false;
         interpolate_ = interpolate;
+        // How much more than flat blocks uneven ones err. From the edge of a disc sources are taken
+        // for closer than they are to most of it; from a point, for no more than they are.
+        const bool wide = kDisc && inverse_core2_ < S(1.5);
+        uneven_ = interpolate || wide ? 1 : kDisc ? 4 : 16;
         for (const std::uint32_t i : front_) stack_.push_back({nullptr, i});
         while (!stack_.empty()) {
             const Visit v = stack_.back();
@@ -184,12 +187,12 @@ class SourceWalk {
                 Sources<S>& to = direct ? near_ : far_;
                 (horizon ? to.horizon_clusters : to.clusters)
                     .push_back(&clusters_of(v).moments[v.node]);
-                hand_over(emit, kBatch);
+                hand_over_many(emit);
             } else {
                 open(v, emit);
             }
         }
-        hand_over(emit, 0);
+        hand_over(emit);
     }
 
     /// Of the worst direction. `received` as for refine(), now that it is known.
@@ -244,8 +247,12 @@ class SourceWalk {
     static bool is_base(const ClusterNode& n) { return n.child_count[0] + n.child_count[1] == 0; }
 
     template <class Emit>
-    void hand_over(const Emit& emit, std::size_t at_least) {
-        if (near_.size() + far_.size() < at_least) return;
+    [[gnu::always_inline]] void hand_over_many(const Emit& emit) {
+        if (++pending_ >= kBatch) hand_over(emit);
+    }
+    template <class Emit>
+    [[gnu::noinline]] void hand_over(const Emit& emit) {
+        pending_ = 0;
         emit(std::as_const(near_), std::as_const(far_));
         near_.clear();
         far_.clear();
@@ -274,7 +281,7 @@ class SourceWalk {
                 const DVec3 radiance = tree_.excess(block, r, c);
                 if (radiance == DVec3{0}) continue;
                 add_part(tree_.texel(block, r, c), radiance, 0);
-                hand_over(emit, kBatch);
+                hand_over_many(emit);
             }
         }
     }
@@ -286,7 +293,7 @@ class SourceWalk {
         const auto found = opened_.find(node);
         if (found != opened_.end()) return found->second;
         if (opened_nodes_ > kOpenedNodes) {
-            hand_over(emit, 0);
+            hand_over(emit);
             opened_.clear();
             opened_nodes_ = 0;
         }
@@ -323,9 +330,10 @@ class SourceWalk {
     }
     double error_at(std::size_t point) const {
         if constexpr (kDisc) {
-            return static_cast<double>(estimates_[0].error());
+            return static_cast<double>(estimates_[0].template error<Lobe<S>>(0.15f));
         } else {
-            return static_cast<double>(estimates_[point / kLanes<S>].error()[point % kLanes<S>]);
+            const Real errors = estimates_[point / kLanes<S>].template error<Lobe<S>>(0.65f);
+            return static_cast<double>(errors[point % kLanes<S>]);
         }
     }
 
@@ -391,7 +399,8 @@ class SourceWalk {
     /// l the lobe's scale at the nearest point: third order where the source is uneven, and some of
     /// the fourth; at the horizon the kink of max(0, mu). The factors are calibrated against brute
     /// force, not proved.
-    SourceEstimate<Real> estimate(const Shape& source, std::size_t group) const {
+    [[gnu::always_inline]] SourceEstimate<Real> estimate(const Shape& source,
+                                                         std::size_t group) const {
         const Real distance2 = view_->distance2(group, source.centre);
         const WeightNearby<Real> nearby = weight_.nearby(distance2);
         const Real share = share_of(source.flux, group);
@@ -402,7 +411,8 @@ class SourceWalk {
         const Real core = core_part(nearby, distance2, source.extent, source.reach);
         const Real curvature =
             w * inverse_l2 * (S(Lobe<S>::kCurvature) * source.variance) *
-            ((inverse_l + S(0.5)) * (S(0.5) * (S(0.1) + source.unevenness) * source.extent) +
+            ((inverse_l + S(0.5)) *
+                 (S(0.5) * (S(0.1) + uneven_ * source.unevenness) * source.extent) +
              extent2 * S(0.5));
         const Real w_horizon = share * weight_.density_at_horizon();
         const Real kink = w_horizon * source.cut;
@@ -430,11 +440,16 @@ class SourceWalk {
     }
 
     /// Whether a source is good enough from everywhere; if so its estimates are added up.
-    bool accept(const Shape& source, bool& direct) {
+    [[gnu::always_inline]] bool accept(const Shape& source, bool& direct) {
+        if constexpr (kDisc) {
+            const SourceEstimate<Real> e = estimate(source, 0);
+            direct = e.direct;
+            if (e.accepted && !coarse_) estimates_[0].add(e, source.part);
+            return e.accepted;
+        }
         for (std::size_t g = 0; g < estimates_.size(); ++g) {
             accepted_[g] = estimate(source, g);
             if (!accepted_[g].accepted) return false;
-            direct = direct || accepted_[g].direct;
         }
         if (coarse_) return true;
         for (std::size_t g = 0; g < estimates_.size(); ++g)
@@ -493,14 +508,16 @@ class SourceWalk {
     DVec3 origin_{0};
     S middle_[3] = {};
     S radius_ = 0, half_width_ = 0;
-    std::vector<Real> inverse_[3];  ///< by channel and group
+    std::array<std::vector<Real>, 3> inverse_;  ///< by channel and group
     bool interpolate_ = false, coarse_ = false;
+    S uneven_ = 1;
     std::vector<EstimateSums<Real>> estimates_;
     std::vector<SourceEstimate<Real>> accepted_;
     std::vector<Visit> stack_;
     std::vector<std::uint32_t> front_;
     std::unordered_map<std::uint32_t, OpenedBlock> opened_;
     std::size_t opened_nodes_ = 0;
+    std::size_t pending_ = 0;  ///< sources not handed over yet, about
     Sources<S> near_, far_;
 };
 
