@@ -8,7 +8,6 @@
 #include "baker/lighting/source_view.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -508,7 +507,7 @@ class SourceWalk {
     DVec3 origin_{0};
     S middle_[3] = {};
     S radius_ = 0, half_width_ = 0;
-    std::array<std::vector<Real>, 3> inverse_;  ///< by channel and group
+    std::vector<Real> inverse_[3];  ///< by channel and group
     bool interpolate_ = false, coarse_ = false;
     S uneven_ = 1;
     std::vector<EstimateSums<Real>> estimates_;

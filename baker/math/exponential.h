@@ -9,7 +9,7 @@
 namespace envbake {
 
 inline float exponential(float x) {
-    return std::exp(x);
+    return std::exp(x > -87.0f ? x : -87.0f);
 }
 inline double exponential(double x) {
     return std::exp(x);
