@@ -203,15 +203,34 @@ TEST(Mips, MatchBruteForceUnderSunAndSky) {
         const Environment environment = test::sun_and_sky(grid);
         const test::PrefilterReference reference(environment);
         // Sizes that tile unevenly; interpolated tiles at (r = 1/4, 100).
-        const std::pair<float, int> levels[] = {{0.1f, 40}, {0.25f, 100}, {0.5f, 37}, {1.0f, 11}};
+        const std::pair<float, int> levels[] = {
+            {0.03f, 13}, {0.1f, 40}, {0.25f, 100}, {0.5f, 37}, {1.0f, 11}};
         for (const auto& [r, size] : levels) {
-            for (const double tolerance : {1e-3, 1e-2}) {
+            for (const double tolerance : {1e-4, 1e-3, 1e-2}) {
                 const Mip mip = bake_one(environment, r, size, tolerance);
                 const double worst = worst_error(mip, reference, 4);
                 EXPECT_LT(worst, tolerance) << "r=" << r;
                 EXPECT_LE(worst, mip.error_estimate) << "r=" << r;
             }
         }
+    }
+}
+
+TEST(Mips, LampsInTheNight) {
+    // Blocks with a lamp in one corner are as skew as blocks get; all else is dark.
+    const Environment environment =
+        test::environment(test::lat_long_grid(128, 64), [](auto&, std::size_t i) {
+            RandomStream random(8, 15, i);
+            const double dark = 0.01 * (0.5 + random.next());
+            const double lamp = random.next() < 2e-3 ? 100 * random.next() : 0;
+            return DVec3{dark + lamp, dark + 0.5 * lamp, dark};
+        });
+    const test::PrefilterReference reference(environment);
+    for (const auto& [r, size] : {std::pair{0.05f, 12}, {0.1f, 16}, {0.15f, 24}, {0.25f, 48}}) {
+        const Mip mip = bake_one(environment, r, size);
+        const double worst = worst_error(mip, reference, 40);
+        EXPECT_LT(worst, 1e-3) << "r=" << r;
+        EXPECT_LE(worst, mip.error_estimate) << "r=" << r;
     }
 }
 
