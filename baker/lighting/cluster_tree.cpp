@@ -291,7 +291,9 @@ void ClusterTree::append(const Level& level, const Level* finer, std::uint32_t f
 
 OpenedBlock ClusterTree::open(const TexelBlock& block) const {
     OpenedBlock opened;
-    const std::size_t most = index(block.row1 - block.row0) * index(block.column1 - block.column0);
+    const std::size_t texels =
+        index(block.row1 - block.row0) * index(block.column1 - block.column0);
+    const std::size_t most = texels / 2 + 1;  // no part has fewer than 4 texels
     opened.clusters.blocks.reserve(most);
     opened.clusters.nodes.reserve(most);
     opened.raw.reserve(most);

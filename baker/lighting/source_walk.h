@@ -217,7 +217,7 @@ class SourceWalk {
     using Real = typename View::Real;
     static constexpr bool kDisc = std::is_same_v<Real, S>;
     static constexpr std::size_t kBatch = 4096;        ///< sources handed over at a time
-    static constexpr std::size_t kOpenedNodes = 8000;  ///< 4 MB
+    static constexpr std::size_t kOpenedNodes = 400;  ///< 0.2 MB
     static constexpr S kFrontCore =
         S(Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2);
 
