@@ -46,6 +46,8 @@ struct PatchMoments {
     S half_a[3];  ///< half sides
     S half_b[3];
     S slope_a, slope_b;  ///< centre . half_a, centre . half_b: all but 0
+    S bulge_a, bulge_b;  ///< -2/15 |half_a|^2, -2/15 |half_b|^2
+    S radial;            ///< (|half_a|^4 + |half_b|^4) / 45
 };
 
 template <class Real>
@@ -119,8 +121,9 @@ inline void add_cluster(const Weight& weight, const ClusterMoments<S>& n, const 
     }
 }
 
-/// The same for a patch, whose second and fourth moments are those of its own parallelogram. d is
-/// counted from the origin of the patch's centre.
+/// The same for a patch, with the moments of its own parallelogram bent onto the sphere: with
+/// r = V - |s half_a + t half_b|^2 / 2 the offset along the centre, E3 = 3 mu E[(p s + q t)^2 r]. d
+/// is counted from the origin of the patch's centre.
 template <bool kHorizon, int kChannels, class Weight, class Real, class S>
 inline void add_patch(const Weight& weight, const PatchMoments<S>& n, const Real& dx,
                       const Real& dy, const Real& dz, Real* sum) {
@@ -138,8 +141,8 @@ inline void add_patch(const Weight& weight, const PatchMoments<S>& n, const Real
     }
     const WeightTerms<Real> k = weight.template terms<Real>(u, cosine, slope);
     const Real p2 = p * p, q2 = q * q;
-    const Real second = (p2 + q2) * S(1.0 / 3) + S(0.4) * n.variance * n.variance;
-    const Real third = mu * (p2 + q2) * (S(-0.4) * n.variance);
+    const Real second = (p2 + q2) * S(1.0 / 3) + n.radial;
+    const Real third = mu * (p2 * n.bulge_a + q2 * n.bulge_b);
     const Real fourth = (p2 * p2 + q2 * q2) * S(0.2) + p2 * q2 * S(2.0 / 3);
     const Real total = k.k0 + k.k2 * second + k.k3 * third + k.k4 * fourth;
     for (int c = 0; c < kChannels; ++c) sum[c] += total * n.flux[c];

@@ -47,6 +47,10 @@ PatchMoments<S> moments_of(const SourcePatch& p, const DVec3& radiance, const DV
     m.slope_a = static_cast<S>(glm::dot(p.centre, p.half_a));
     m.slope_b = static_cast<S>(glm::dot(p.centre, p.half_b));
     m.variance = static_cast<S>(p.variance);
+    const double a2 = glm::dot(p.half_a, p.half_a), b2 = glm::dot(p.half_b, p.half_b);
+    m.bulge_a = static_cast<S>(-2 * a2 / 15);
+    m.bulge_b = static_cast<S>(-2 * b2 / 15);
+    m.radial = static_cast<S>((a2 * a2 + b2 * b2) / 45);
     return m;
 }
 
@@ -216,7 +220,7 @@ class SourceWalk {
   private:
     using Real = typename View::Real;
     static constexpr bool kDisc = std::is_same_v<Real, S>;
-    static constexpr std::size_t kBatch = 4096;        ///< sources handed over at a time
+    static constexpr std::size_t kBatch = 4096;       ///< sources handed over at a time
     static constexpr std::size_t kOpenedNodes = 400;  ///< 0.2 MB
     static constexpr S kFrontCore =
         S(Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2);
