@@ -48,6 +48,8 @@ void declare_request(CLI::App& app, BakeRequest& request) {
     app.add_option("--mip-count", request.mip_count,
                    "Specular mips; mip k of n holds roughness k/(n-1)")
         ->capture_default_str();
+    app.add_flag("--certify", request.certify,
+                 "Prove that no texel of the mips is off by more than --tolerance; much slower");
     app.add_option_function<std::string>(
            "--mip-layout",
            [&request](const std::string& name) {

@@ -415,7 +415,7 @@ ClusterNode ClusterTree::make_node(const RawMoments& raw, const SourceRect& rect
             }
         }
     }
-    double skew = 0;
+    double skew = 0, deviation2 = 0, offset = 0;
     for (int k = 0; k < 3; ++k) {
         const double flux = raw.of[k][0];
         const DVec3 first = first_of(raw.of[k]) - flux * centre;
@@ -429,12 +429,21 @@ ClusterNode ClusterTree::make_node(const RawMoments& raw, const SourceRect& rect
         out.flux[k] = node.flux[k] = static_cast<float>(flux);
         for (int i = 0; i < 3; ++i) out.first[k][i] = static_cast<float>(first[i]);
         for (int i = 0; i < 6; ++i) out.second[k][i] = static_cast<float>(central[i]);
+        if (flux > 0) {
+            // The root of the sum of squares is above the largest eigenvalue.
+            double squares = 0;
+            for (int i = 0; i < 6; ++i) squares += (i < 3 ? 1 : 2) * central[i] * central[i];
+            deviation2 = std::max(deviation2, std::sqrt(squares) / flux);
+            offset = std::max(offset, glm::length(first) / flux);
+        }
         if (flux > 0) skew = std::max(skew, glm::length(first) / (flux * extent));
     }
     for (int i = 0; i < 3; ++i) out.centre[i] = node.centre[i] = static_cast<float>(centre[i]);
     out.variance = node.variance = std::max(static_cast<float>(variance), 1e-12f);
     node.extent = static_cast<float>(extent);
     node.radius = static_cast<float>(radius + 1e-7);
+    node.deviation = static_cast<float>(1.0001 * std::sqrt(deviation2));
+    node.offset = static_cast<float>(1.0001 * offset);
     const double unevenness = 2 * glm::length(centre - uniform) / extent + skew +
                               0.3 * std::abs(variance / uniform_variance - 1);
     node.unevenness = static_cast<float>(std::min(1.0, unevenness));

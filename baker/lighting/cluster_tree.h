@@ -19,6 +19,8 @@ struct ClusterNode {
     float flux[3];
     float extent;      ///< longest side of the block, radians
     float radius;      ///< every direction of the block is within this of the centre (chord)
+    float deviation;   ///< ClusterSpread, of the worst channel
+    float offset;      ///< likewise
     float unevenness;  ///< 0: as smooth as a uniform block; 1: nothing is known of the distribution
     std::uint32_t first_child[2];  ///< two runs of children, one a row of blocks
     std::uint16_t child_count[2];  ///< both 0: a base block

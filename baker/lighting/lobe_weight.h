@@ -72,6 +72,13 @@ struct GgxWeight {
         const Real t = S(1) / (distance2 * (k / 2) + S(1));
         return {t * t, t * t, t * (k / 2)};
     }
+    /// Taylor coefficients of D about any place between these distances, at most: (n + 1) t^2 y^n.
+    template <class Real>
+    WeightTerms<Real> bounds(const Real& closest2, const Real& /*furthest2*/) const {
+        const Real t = S(1) / (closest2 * (k / 2) + S(1)), y = t * k;
+        const Real d0 = t * t, d1 = d0 * y, d2 = d1 * y, d3 = d2 * y;
+        return {d0, d1 * S(2), d2 * S(3), d3 * S(4), d3 * y * S(5)};
+    }
     S density_at_horizon() const { return 1 / ((1 + k) * (1 + k)); }
     /// How far the lobe's core reaches, as a chord.
     double core() const { return std::sqrt(2 / std::max(static_cast<double>(k), 1e-3)); }
@@ -81,6 +88,8 @@ struct GgxWeight {
     /// Measured: the errors of one source, and of the lobe's core, beside those of GGX.
     static constexpr double kCurvature = 1;
     static constexpr double kCore = 1;
+    /// See part_error_bound().
+    static constexpr double kPartBound = 1.5, kCutBound = 0.25;
     /// Measured: what sums over many sources come to.
     static constexpr float kCoreSum = 0.06f, kCurvatureSum = 1, kMissedSum = 0.025f;
     /// The tail falls so slowly that no source is too far to matter.
@@ -150,12 +159,26 @@ struct BeckmannWeight {
         // inequality, [Abramowitz64] 22.14.17. Its width is sqrt(2) alpha in 2 tan(theta / 2).
         return {root * root, root, i * i * (S(0.5) * inverse_A)};
     }
+    /// Taylor coefficients of D about any place between these distances, at most: those of the
+    /// Laguerre polynomials made positive, (i / 2)^n L_n^(1)(-i / A) D.
+    template <class Real>
+    WeightTerms<Real> bounds(const Real& closest2, const Real& furthest2) const {
+        const Real most = Real{} + kMost, half = furthest2 * S(0.5);
+        const Real i = S(2) / (S(2) - (half < most ? half : most));
+        const Real d0 = nearby(closest2).density;
+        const Real x = i * inverse_A, y = i * S(0.5);
+        const Real d1 = d0 * y, d2 = d1 * y, d3 = d2 * y, d4 = d3 * y;
+        return {d0, d1 * (x + S(2)), d2 * (x * (x * S(0.5) + S(3)) + S(3)),
+                d3 * (x * (x * (x * S(1.0 / 6) + S(2)) + S(6)) + S(4)),
+                d4 * (x * (x * (x * (x * S(1.0 / 24) + S(5.0 / 6)) + S(5)) + S(10)) + S(5))};
+    }
     S density_at_horizon() const { return 4 * std::exp(-inverse_A); }
     double core() const { return 2 * static_cast<double>(alpha); }
 
     static constexpr double kFrontExtent2 = 4;
     static constexpr double kCurvature = 0.03;
     static constexpr double kCore = 0.015;
+    static constexpr double kPartBound = 0.05, kCutBound = 0.08;
     static constexpr float kCoreSum = 0.02f, kCurvatureSum = 0.7f, kMissedSum = 0.02f;
     static constexpr bool kTailEnds = true;
     /// A Gaussian of width sqrt(2) alpha is missed by some (half_width / width)^8.

@@ -41,6 +41,7 @@ Tiling tiling_for(double core, int size, const PrefilterAccuracy& accuracy) {
     // What 8 points miss falls with the eighth power of the tile's width.
     const double widest =
         1.6 * core * std::pow(std::min(1.0, accuracy.interpolation / 1e-3), 0.125);
+    if (accuracy.proved > 0) return {Method::Sharp, kSharpTile};
     if (core < 0.8 && size >= 2 * kInterpolatedTile && kInterpolatedTile * texel <= widest) {
         return {Method::Interpolated, kInterpolatedTile};
     }
@@ -73,17 +74,23 @@ class Prefilter {
         result.texels.resize(grid_.texel_count() * kChannels);
         const std::size_t tiles = grid_.tile_count();
         std::vector<double> estimates((tiles + kTilesAtATime - 1) / kTilesAtATime);
+        std::vector<double> bounds(estimates.size());
         parallel_for(estimates.size(), [&](std::size_t i) {
             SourceWalk<Lobe, S, View> walk(tree_, weight_, kChannels, job_.accuracy);
             const std::size_t end = std::min((i + 1) * kTilesAtATime, tiles);
             for (std::size_t t = i * kTilesAtATime; t < end; ++t) {
                 const OutputTile tile = grid_.tile(t);
                 if (tile.texels.empty()) continue;
-                estimates[i] = std::max(estimates[i], bake(tile, walk, result.texels));
+                const std::vector<DVec3> received = bake(tile, walk, result.texels);
+                estimates[i] = std::max(estimates[i], walk.error_estimate(received));
+                if constexpr (std::is_same_v<View, FromPoints<S>>) {
+                    bounds[i] = std::max(bounds[i], walk.error_bound(received));
+                }
                 progress.add(tile.texels.size());
             }
         });
         result.error_estimate = *std::max_element(estimates.begin(), estimates.end());
+        result.error_bound = *std::max_element(bounds.begin(), bounds.end());
         return result;
     }
 
@@ -100,10 +107,10 @@ class Prefilter {
     }
     double inverse_norm() const { return static_cast<double>(weight_.inverse_norm); }
 
-    /// Returns the estimated error.
+    /// Returns what the texels receive.
     template <class View>
-    double bake(const OutputTile& tile, SourceWalk<Lobe, S, View>& walk,
-                std::vector<float>& texels) const {
+    std::vector<DVec3> bake(const OutputTile& tile, SourceWalk<Lobe, S, View>& walk,
+                            std::vector<float>& texels) const {
         const bool interpolate = tiling_.method == Method::Interpolated;
         const DVec3 middle = tile.towards(0, 0);
         double radius = 0;
@@ -156,7 +163,7 @@ class Prefilter {
             write(tile.texels[p], sums.at(p), texels);
             arriving.push_back(received(sums.at(p)));
         }
-        return walk.error_estimate(arriving);
+        return arriving;
     }
 
     static constexpr std::size_t nodes_per_tile() {
@@ -188,8 +195,9 @@ Prefiltered prefilter_in(const ClusterTree& tree, const PrefilterJob& job, Progr
 
 template <template <class> class Lobe>
 Prefiltered prefilter_with(const ClusterTree& tree, const PrefilterJob& job, Progress& progress) {
-    return job.alpha < kLeastAlphaInFloat ? prefilter_in<Lobe, double>(tree, job, progress)
-                                          : prefilter_in<Lobe, float>(tree, job, progress);
+    const bool in_double = job.alpha < kLeastAlphaInFloat || job.accuracy.proved > 0;
+    return in_double ? prefilter_in<Lobe, double>(tree, job, progress)
+                     : prefilter_in<Lobe, float>(tree, job, progress);
 }
 
 }  // namespace

@@ -18,6 +18,9 @@ struct PrefilterAccuracy {
     double extent2 = 0.2;         ///< largest (extent / l)^2, l the lobe's scale there
     double interpolation = 1e-3;  ///< largest error of interpolation within a tile
     double negligible = 1e-6;     ///< largest source left out, where the lobe's tail ends
+    /// 0: estimates decide. Otherwise bounds do, so that their sum stays below this, relative to
+    /// every texel; nothing is interpolated, and sums are in double.
+    double proved = 0;
 };
 
 struct PrefilterJob {
@@ -32,6 +35,7 @@ struct PrefilterJob {
 struct Prefiltered {
     std::vector<float> texels;  ///< [faces, height, width, channels]
     double error_estimate = 0;  ///< of the worst tile: calibrated sums of its sources' estimates
+    double error_bound = 0;     ///< of the worst texel, sums of error_bound.h; 0 where not proved
 };
 
 /// Extent of the smallest block of texels that a lobe of this width asks of the tree, radians.

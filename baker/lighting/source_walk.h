@@ -2,6 +2,7 @@
 #pragma once
 
 #include "baker/lighting/cluster_tree.h"
+#include "baker/lighting/error_bound.h"
 #include "baker/lighting/prefilter.h"
 #include "baker/lighting/prefilter_kernel.h"
 #include "baker/lighting/source_patch.h"
@@ -70,6 +71,7 @@ struct SourceEstimate {
 template <class Real>
 struct EstimateSums {
     Real core{}, curvature{}, kink2{}, interpolation2{}, dropped{};
+    Real bound[3] = {};  ///< sums of bounds by channel, where they decide
 
     template <class S>
     [[gnu::always_inline]] void add(const SourceEstimate<Real>& e, S part) {
@@ -119,6 +121,7 @@ class SourceWalk {
         half_width_ = static_cast<S>(half_width);
         estimates_.assign(view.groups(), {});
         accepted_.resize(view.groups());
+        bounds_.resize(view.groups());
         near_.clear();
         far_.clear();
         const std::size_t lanes = sizeof(Real) / sizeof(S);
@@ -183,6 +186,9 @@ class SourceWalk {
                               .reach = S(n.radius),
                               .unevenness = S(n.unevenness),
                               .part = 1,
+                              .deviation = S(n.deviation),
+                              .offset = S(n.offset),
+                              .irregular = -1,
                               .cut = horizon ? S(0.15) * std::sqrt(3 * S(n.variance)) : S(0),
                               .horizon = horizon};
             bool direct = false;
@@ -217,6 +223,25 @@ class SourceWalk {
         return worst;
     }
 
+    /// Of the worst direction, dropped sources included. `received` likewise.
+    double error_bound(const std::vector<DVec3>& received) const {
+        const DVec3 mean = tree_.mean();
+        double worst = 0;
+        for (std::size_t p = 0; p < received.size(); ++p) {
+            const auto& sums = estimates_[p / kLanes<S>];
+            for (int k = 0; k < channels_; ++k) {
+                const double bound =
+                    static_cast<double>(sums.bound[k][p % kLanes<S>] + sums.dropped[p % kLanes<S>]);
+                const double inverse = static_cast<double>(lane(inverse_[k], p));
+                if (inverse <= 0) continue;
+                const double off = bound * static_cast<double>(weight_.inverse_norm) / inverse;
+                const double least = std::max(received[p][k] - off, floor()[k]) + 1e-3 * mean[k];
+                if (off > 0) worst = std::max(worst, off / least);
+            }
+        }
+        return worst;
+    }
+
   private:
     using Real = typename View::Real;
     static constexpr bool kDisc = std::is_same_v<Real, S>;
@@ -242,10 +267,14 @@ class SourceWalk {
         S centre[3];
         S flux[3];
         S variance, extent, reach, unevenness;
-        S part;  ///< of the flux that is its own
-        S cut;   ///< what the horizon's kink across it costs, over share and density
+        S part;               ///< of the flux that is its own
+        S deviation, offset;  ///< ClusterSpread; of a cluster
+        S irregular;          ///< taper + bend, of a part of a texel; of a cluster negative
+        S cut;                ///< what the horizon's kink across it costs, over share and density
         bool horizon;
     };
+
+    DVec3 floor() const { return tree_.floor() * tree_.scale(); }
 
     static bool is_base(const ClusterNode& n) { return n.child_count[0] + n.child_count[1] == 0; }
 
@@ -443,7 +472,10 @@ class SourceWalk {
     }
 
     /// Whether a source is good enough from everywhere; if so its estimates are added up.
-    [[gnu::always_inline]] bool accept(const Shape& source, bool& direct) {
+    [[gnu::always_inline]] bool accept(const Shape& source, bool& direct, bool last = false) {
+        if constexpr (!kDisc) {
+            if (accuracy_.proved > 0 && !coarse_) return accept_by_bound(source, last);
+        }
         if constexpr (kDisc) {
             const SourceEstimate<Real> e = estimate(source, 0);
             direct = e.direct;
@@ -457,6 +489,34 @@ class SourceWalk {
         if (coarse_) return true;
         for (std::size_t g = 0; g < estimates_.size(); ++g)
             estimates_[g].add(accepted_[g], source.part);
+        return true;
+    }
+
+    /// Whether a source's bound is no larger a part of what it gives than the bound of all may be
+    /// of what arrives; or so small that the sum of thousands is no more than a half of that.
+    bool accept_by_bound(const Shape& source, bool last) {
+        const S proved = S(accuracy_.proved);
+        for (std::size_t g = 0; g < estimates_.size(); ++g) {
+            const Real distance2 = view_->distance2(g, source.centre);
+            const Real mu = S(1) - (distance2 * S(0.5) + source.variance);
+            const Real bound =
+                source.irregular < 0
+                    ? cluster_error_bound<Lobe<S>, Real, S>(
+                          weight_, {source.variance, source.reach, source.deviation, source.offset},
+                          distance2, mu)
+                    : part_error_bound<Lobe<S>, Real, S>(weight_, source.extent, source.irregular,
+                                                         source.reach, distance2, mu);
+            const Real given = weight_.nearby(distance2).density * larger<Real>(Real{}, mu);
+            const Real share = share_of(source.flux, g) * source.part;
+            const Real most = (share * given + S(2e-5)) * (S(0.9) * proved);
+            if (!last && any(share * bound > most)) return false;
+            bounds_[g] = bound * source.part;
+        }
+        for (std::size_t g = 0; g < estimates_.size(); ++g) {
+            for (std::size_t k = 0; k < 3; ++k) {
+                estimates_[g].bound[k] += bounds_[g] * inverse_[k][g] * source.flux[k];
+            }
+        }
         return true;
     }
 
@@ -478,13 +538,17 @@ class SourceWalk {
                           .reach = S(reach),
                           .unevenness = S(std::min(1.0, patch.taper)),
                           .part = S(1 / patch.aspect),
+                          .deviation = 0,
+                          .offset = 0,
+                          .irregular = S(patch.taper + patch.bend),
                           .cut = horizon ? S(0.1 * patch.extent * patch.extent) : S(0),
                           .horizon = horizon};
         const bool straight = patch.bend <= kLargestBend;
         const bool flat = straight && patch.extent <= kLargestPatch;
         bool direct = false;
-        const bool accepted = (flat || depth >= kDeepestSplit) && accept(shape, direct);
-        if (accepted || depth >= kDeepestSplit) {
+        const bool last = depth >= kDeepestSplit;
+        const bool accepted = (flat || last) && accept(shape, direct, last);
+        if (accepted || last) {
             Sources<S>& to = direct ? near_ : far_;
             (horizon ? to.horizon_patches : to.patches)
                 .push_back(moments_of<S>(patch, radiance, origin_));
@@ -516,6 +580,7 @@ class SourceWalk {
     S uneven_ = 1;
     std::vector<EstimateSums<Real>> estimates_;
     std::vector<SourceEstimate<Real>> accepted_;
+    std::vector<Real> bounds_;
     std::vector<Visit> stack_;
     std::vector<std::uint32_t> front_;
     std::unordered_map<std::uint32_t, OpenedBlock> opened_;

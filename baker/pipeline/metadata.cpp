@@ -198,6 +198,7 @@ Json options_json(const BakeRequest& r) {
             {"distributions", distribution_names(r)},
             {"mip_size", r.mip_size},
             {"mip_count", r.mip_count},
+            {"certify", r.certify},
             {"mip_layout", r.mip_layout == runtime::MipLayout::CubeFaces ? "cube" : "lat-long"},
             {"roughness_range", range_json(r.roughness_range)},
             {"table_size", r.table_size},

@@ -31,8 +31,9 @@ struct BakeRequest {
     bool window = false;          ///< damp SH lighting until irradiance is nowhere negative
 
     std::vector<runtime::Distribution> distributions{runtime::Distribution::Ggx};
-    int mip_size = 256;  ///< face edge of mip 0, texels
-    int mip_count = 5;   ///< mip k of n holds roughness k / (n - 1)
+    int mip_size = 256;    ///< face edge of mip 0, texels
+    int mip_count = 5;     ///< mip k of n holds roughness k / (n - 1)
+    bool certify = false;  ///< mips whose error is proved, not estimated
     runtime::MipLayout mip_layout = runtime::MipLayout::CubeFaces;
     std::optional<RoughnessRange> roughness_range;  ///< of the mips; empty: what the scene has
     int table_size = 64;                            ///< texels along each axis of the BRDF tables

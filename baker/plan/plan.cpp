@@ -146,6 +146,7 @@ PlannedStage plan_mips(const BakeRequest& request, const BakeFacts& facts, const
     mips.job.distribution = distribution;
     mips.job.layout = request.mip_layout;
     mips.job.channels = channels_of(*facts.environment);
+    mips.job.certify = request.certify;
     for (int level = has_mirror ? 1 : first_level; level <= last_level; ++level) {
         mips.job.levels.push_back(level);
         mips.job.perceptual_roughness.push_back(
@@ -159,6 +160,7 @@ PlannedStage plan_mips(const BakeRequest& request, const BakeFacts& facts, const
         stage.reason += concat("; the environment is constant to ", format_number(mips.contrast),
                                ": one texel a level");
     }
+    if (request.certify) stage.reason += "; with a proved bound of every texel's error";
     stage.reason += grey_reason(*facts.environment);
     stage.job = std::move(mips);
     return stage;

@@ -322,6 +322,20 @@ TEST_F(Commands, AConstantGreySkyIsAFewNumbers) {
         EXPECT_NE(plan.out.find(reason), std::string::npos) << reason << "\n" << plan.out;
 }
 
+TEST_F(Commands, ACertifiedBakeStatesProvedErrorsBelowTheTolerance) {
+    bake({"--certify", "--tolerance", "0.02"});
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
+    const json d = dump();
+    int mips = 0;
+    for (const auto& [name, array] : d["metadata"]["arrays"].items()) {
+        if (name.rfind("environment/mips/", 0) != 0) continue;
+        EXPECT_LE(array["error"], 0.02) << name;
+        EXPECT_EQ(std::string(array["norm"]).rfind("proved", 0), 0u) << name;
+        ++mips;
+    }
+    EXPECT_GE(mips, 1);
+}
+
 TEST_F(Commands, EveryLightingOptionMakesAValidBundle) {
     const std::vector<std::vector<std::string>> options{
         {"--distribution", "beckmann"},
