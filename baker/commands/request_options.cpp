@@ -78,6 +78,14 @@ void declare_request(CLI::App& app, BakeRequest& request) {
         ->default_str("roots");
     app.add_flag("--unshadowed", request.unshadowed,
                  "Also bake mesh/I/unshadowed: transport without occlusion, analytic");
+    const auto add_names = [&app](const char* option, std::vector<std::string>& names,
+                                  const char* what) {
+        app.add_option(option, names, what)->type_name("NAME")->allow_extra_args(false);
+    };
+    add_names("--no-receive", request.not_receiving,
+              "Bake no transport for this mesh: name of a node or a mesh, or mesh/I; repeatable");
+    add_names("--no-cast", request.not_casting,
+              "Let this mesh block no light: name of a node or a mesh, or mesh/I; repeatable");
     app.add_flag("--area-normals", request.area_weighted_normals,
                  "Where the file has no normals, weight faces by area instead of by angle");
     app.add_flag("--strict", request.strict,

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace envbake {
@@ -38,6 +39,10 @@ struct BakeRequest {
     int table_size = 64;                            ///< texels along each axis of the BRDF tables
     runtime::TableAxes table_axes = runtime::TableAxes::RootsEndPoints;
     bool half_tables = false;  ///< store them as f16
+
+    std::vector<std::string>
+        not_receiving;                     ///< "mesh/I", or names of nodes or meshes: no transport
+    std::vector<std::string> not_casting;  ///< the same: block no light
 
     bool unshadowed = false;  ///< also bake "mesh/I/unshadowed"
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs

@@ -192,6 +192,10 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
         stage.reason = "no triangles";
         return stage;
     }
+    if (!f.receives) {
+        stage.reason = "marked as receiving nothing";
+        return stage;
+    }
     const MaterialFacts& material = facts.materials[f.material];
     if (material.max_diffuse_albedo <= 0) {
         stage.reason = concat("material ", quoted(material.name), " reflects nothing diffusely");
@@ -300,6 +304,8 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
         plan.stages.push_back(plan_table(request, facts, need, d));
     for (std::size_t mesh = 0; mesh < facts.meshes.size(); ++mesh) {
         plan.stages.push_back(plan_diffuse(request, facts, mesh, true));
+        if (!facts.meshes[mesh].casts)
+            plan.stages.back().reason += "; the mesh is marked as casting nothing";
         plan.stages.push_back(plan_diffuse(request, facts, mesh, false));
     }
     if (!facts.has_scene) plan.stages.push_back({"mesh", "no scene", std::nullopt});

@@ -9,7 +9,7 @@ namespace envbake {
 
 bool casts_shadow(const Scene& scene, const Mesh& mesh) {
     const Material& material = scene.materials[static_cast<std::size_t>(mesh.material)];
-    return material.alpha_mode != AlphaMode::Blend;
+    return mesh.casts && material.alpha_mode != AlphaMode::Blend;
 }
 
 TraceSpace::TraceSpace(const Scene& scene) {

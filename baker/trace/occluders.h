@@ -6,9 +6,10 @@
 
 namespace envbake {
 
-/// True for a mesh whose triangles keep light out: from both sides, whatever the material's
-/// double_sided says. A wall is seen from one side only so that a viewer looks into the room; it is
-/// still a wall, and light that came in through its back would be a leak.
+/// True for a mesh whose triangles keep light out: alpha mode OPAQUE or MASK, and not marked as
+/// casting nothing. They do from both sides, whatever the material's double_sided says. A wall is
+/// seen from one side only so that a viewer looks into the room; it is still a wall, and light that
+/// came in through its back would be a leak.
 bool casts_shadow(const Scene& scene, const Mesh& mesh);
 
 struct Triangle {

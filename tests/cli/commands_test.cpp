@@ -143,6 +143,30 @@ TEST_F(Commands, AChangedInputOrOptionIsBakedAgain) {
     EXPECT_EQ(dump()["metadata"]["meshes"][0]["vertex_count"], 40);
 }
 
+TEST_F(Commands, MeshesMayBeMarked) {
+    bake({"--no-cast", "floor and roof"});
+    json d = dump();
+    EXPECT_EQ(d["metadata"]["meshes"][0]["casts"], false);
+    EXPECT_EQ(d["metadata"]["meshes"][0]["diffuse"]["free"], 29) << "the roof shades nothing";
+    bake({"--no-receive", "box", "--no-receive", "mesh/0"});
+    d = dump();
+    EXPECT_EQ(d["metadata"]["meshes"][0]["receives"], false);
+    EXPECT_FALSE(d["metadata"]["meshes"][0].contains("diffuse"));
+    for (const json& array : d["arrays"]) EXPECT_NE(array["name"], "mesh/0/diffuse");
+    const Outcome plan = envbake({"plan", scene_, "--no-receive", "box"});
+    EXPECT_NE(plan.out.find("marked as receiving nothing"), std::string::npos) << plan.out;
+    bake();
+    d = dump();
+    EXPECT_LT(d["metadata"]["meshes"][0]["diffuse"]["free"], 29);
+    EXPECT_FALSE(d["metadata"]["meshes"][0].contains("casts"));
+    for (const char* option : {"--no-cast", "--no-receive"}) {
+        const Outcome unknown = envbake(bake_arguments({"--force", option, "roof"}));
+        EXPECT_EQ(unknown.status, 2);
+        EXPECT_NE(unknown.err.find("\"roof\""), std::string::npos) << unknown.err;
+        EXPECT_EQ(envbake({"bake", "--env", sky_, "-o", bundle_, option, "box"}).status, 2);
+    }
+}
+
 TEST_F(Commands, PartsOfTheInputMayBeMissing) {
     ASSERT_EQ(envbake({"bake", "--env", sky_, "-o", bundle_, "--mip-size", "16"}).status, 0);
     EXPECT_EQ(envbake({"validate", bundle_}).status, 0);

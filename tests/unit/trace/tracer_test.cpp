@@ -3,6 +3,7 @@
 
 #include "baker/core/parallel.h"
 #include "baker/input/sample_texture.h"
+#include "baker/trace/half_space_tree.h"
 #include "baker/trace/occluders.h"
 #include "tests/unit/trace/shapes.h"
 
@@ -207,6 +208,22 @@ TEST(Tracer, RaysGoThroughTheHolesOfAMask) {
         packet.z[i] = -1;
     }
     EXPECT_EQ(tracer.occluded16(beyond, packet), 0xff00u);
+}
+
+/// As if it were not there for light, holes included for those who look.
+TEST(Tracer, WhatIsMarkedAsCastingNothingIsOnlySeen) {
+    Scene scene = masked_scene();
+    scene.meshes[0].casts = false;
+    const Tracer tracer = build(scene);
+    const DVec3 beyond(0, 0, 2);
+    for (const double x : {-0.5, 0.5}) {
+        EXPECT_FALSE(tracer.occluded(beyond, DVec3(x, 0.1, -1)));
+        EXPECT_TRUE(tracer.occluded(DVec3(0), DVec3(x, 0.1, 1)));  // by the wall behind it
+    }
+    EXPECT_EQ(tracer.closest(DVec3(0), DVec3(-0.5, 0.1, 1))->mesh, 1u);
+    EXPECT_EQ(tracer.closest(DVec3(0), DVec3(0.5, 0.1, 1))->mesh, 0u);
+    EXPECT_FALSE(tracer.half_spaces().any_above(DVec3(0, 0, 4), DVec3(0, 0, 1)));
+    EXPECT_FALSE(tracer.half_spaces().any_above(DVec3(0, 0, 0.5), DVec3(0, 0, -1)));
 }
 
 /// Every triangle in turn, and the texture at every hit, whatever was decided beforehand.
