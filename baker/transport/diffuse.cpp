@@ -80,7 +80,7 @@ class DiffuseBake {
 };
 
 double DiffuseBake::turn_rad(std::uint32_t vertex, Stage stage) const {
-    return 2 * pi * RandomStream(job_.seed, stage, mesh_ << 32 | vertex).next();
+    return 2 * pi * RandomStream(job_.seed, stage, points_.stream(vertex, tracer_.space())).next();
 }
 
 /// Sorts every vertex into its kind and counts.
