@@ -96,6 +96,15 @@ void declare_request(CLI::App& app, BakeRequest& request) {
                    "Expert: rays per vertex; 0 lets the tolerance decide")
         ->capture_default_str()
         ->group("Expert options");
+    app.add_option("--memory", request.memory_bytes,
+                   "Memory for transport beside the scene and its tree: bytes, or 64MB, 1GB")
+        ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
+        ->transform(CLI::Validator(  // comes before the one above, for which -1 is a large number
+            [](std::string& text) {
+                return text.starts_with('-') ? std::string("must not be negative") : "";
+            },
+            ""))
+        ->default_str("256MB");
     app.add_option("--seed", request.seed, "Expert: seed of the random turns")
         ->capture_default_str()
         ->group("Expert options");

@@ -207,7 +207,8 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
                              .shadowed = shadowed,
                              .tolerance = request.tolerance,
                              .rays_per_vertex = request.rays_per_vertex,
-                             .seed = request.seed};
+                             .seed = request.seed,
+                             .memory_bytes = request.memory_bytes};
     if (!shadowed)
         stage.reason = "analytic, no rays";
     else if (f.free_vertex_count == f.vertex_count)

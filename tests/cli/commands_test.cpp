@@ -116,6 +116,15 @@ TEST_F(Commands, ThreadCountDoesNotChangeAByte) {
     }
 }
 
+TEST_F(Commands, MemoryDoesNotChangeAByte) {
+    bake({"--memory", "1GB"});
+    const std::string rich = read_file(bundle_);
+    bake({"--memory", "1kb", "--force"});
+    EXPECT_TRUE(read_file(bundle_) == rich);
+    EXPECT_EQ(envbake(bake_arguments({"--memory", "much"})).status, 2);
+    EXPECT_EQ(envbake(bake_arguments({"--memory", "-1"})).status, 2);
+}
+
 TEST_F(Commands, WhatIsUpToDateIsLeftAlone) {
     bake();
     const auto time = fs::last_write_time(bundle_);

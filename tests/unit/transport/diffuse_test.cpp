@@ -285,6 +285,25 @@ TEST(Diffuse, CopiesFollowTheirOriginalAcrossHandOvers) {
         ASSERT_LT(distance(baked.row(v), exact), 1e-6) << v;
 }
 
+/// Copies whose row found no room are baked again.
+TEST(Diffuse, TheBudgetDoesNotChangeABit) {
+    Scene scene = small_scene();
+    Mesh& mesh = scene.meshes[0];
+    const Mesh again = mesh;
+    test::append(mesh, again);
+    test::append(mesh, again);
+    const Baked rich = bake(scene, {.rays_per_vertex = 96});
+    const Baked poor = bake(scene, {.rays_per_vertex = 96, .memory_bytes = 30'000});
+    const Baked poorest = bake(scene, {.rays_per_vertex = 96, .memory_bytes = 0});
+    EXPECT_EQ(rich.rows, poor.rows);
+    EXPECT_EQ(rich.rows, poorest.rows);
+    EXPECT_EQ(rich.report.ray_count, poorest.report.ray_count);
+    EXPECT_EQ(rich.report.repeated_ray_count, 0u);
+    EXPECT_GT(poor.report.repeated_ray_count, 0u);
+    EXPECT_LT(poor.report.repeated_ray_count, poorest.report.repeated_ray_count);
+    EXPECT_LE(poorest.report.repeated_ray_count, 2 * rich.report.ray_count);  // two copies of each
+}
+
 TEST(Diffuse, BothSidesOfAThinWallAreToldApart) {
     // A lid 1e-5 above the floor, one unit wide: under it nothing, on it everything.
     Mesh floor = test::grid({-0.5f, -0.5f, 0}, {1, 0, 0}, {0, 1, 0}, 4);
