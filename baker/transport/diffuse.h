@@ -30,7 +30,7 @@ struct DiffuseReport {
     std::uint64_t merged_count = 0;  ///< equal to an earlier vertex in position and normal: copied
     std::uint64_t free_count = 0;    ///< nothing above the tangent plane: analytic, no rays
     std::uint64_t traced_count = 0;
-    std::uint64_t ray_count = 0;  ///< without those of the error check
+    std::uint64_t ray_count = 0;        ///< without those of the error check
     std::uint64_t check_ray_count = 0;  ///< of the error check, pilot included
     int rays_per_vertex = 0;            ///< of the traced ones
     /// Traced again for want of memory: in none of the counts above.
@@ -58,7 +58,7 @@ void unoccluded_transport(int bands, const DVec3& n, std::span<double> out);
 ///
 /// with n the shading normal and V the visibility from the vertex among all the scene's occluders
 /// (SurfacePoints says where exactly rays start). The result is T_unoccluded less the blocked rays
-/// of one quadrature set (RaySet), turned about each normal by an angle of the vertex's own: a
+/// of one quadrature set (RaySet), turned about each normal by an angle of the place's own: a
 /// vertex that meets nothing is exactly analytic, one that sees nothing is exactly 0.
 ///
 /// The ray count follows the tolerance: a pilot on a sample of vertices scales the expected count
