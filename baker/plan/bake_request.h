@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace envbake {
@@ -40,10 +41,15 @@ struct BakeRequest {
     runtime::TableAxes table_axes = runtime::TableAxes::RootsEndPoints;
     bool half_tables = false;  ///< store them as f16
 
+    std::vector<std::string>
+        not_receiving;                     ///< "mesh/I", or names of nodes or meshes: no transport
+    std::vector<std::string> not_casting;  ///< the same: block no light
+
     bool unshadowed = false;  ///< also bake "mesh/I/unshadowed"
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;
-    bool strict = false;                 ///< refuse what would be repaired
+    std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once
+    bool strict = false;                                ///< refuse what would be repaired
     bool area_weighted_normals = false;  ///< where the file has no normals; else angle-weighted
     bool compress = false;               ///< store arrays with zstd where that is smaller
 };

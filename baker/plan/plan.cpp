@@ -194,6 +194,10 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
         stage.reason = "no triangles";
         return stage;
     }
+    if (!f.receives) {
+        stage.reason = "marked as receiving nothing";
+        return stage;
+    }
     const MaterialFacts& material = facts.materials[f.material];
     if (material.max_diffuse_albedo <= 0) {
         stage.reason = concat("material ", quoted(material.name), " reflects nothing diffusely");
@@ -205,7 +209,8 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
                              .shadowed = shadowed,
                              .tolerance = request.tolerance,
                              .rays_per_vertex = request.rays_per_vertex,
-                             .seed = request.seed};
+                             .seed = request.seed,
+                             .memory_bytes = request.memory_bytes};
     if (!shadowed)
         stage.reason = "analytic, no rays";
     else if (f.free_vertex_count == f.vertex_count)
@@ -302,6 +307,8 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
         plan.stages.push_back(plan_table(request, facts, need, d));
     for (std::size_t mesh = 0; mesh < facts.meshes.size(); ++mesh) {
         plan.stages.push_back(plan_diffuse(request, facts, mesh, true));
+        if (!facts.meshes[mesh].casts)
+            plan.stages.back().reason += "; the mesh is marked as casting nothing";
         plan.stages.push_back(plan_diffuse(request, facts, mesh, false));
     }
     if (!facts.has_scene) plan.stages.push_back({"mesh", "no scene", std::nullopt});

@@ -25,7 +25,8 @@ using std::numbers::pi;
 
 constexpr int kMaxRays = 1 << 18;
 constexpr std::size_t kBlock = 64;          ///< vertices of one call of a parallel loop
-constexpr std::size_t kHandOver = 1 << 15;  ///< vertices whose rows are in memory together
+constexpr std::size_t kHandOver = 1 << 15;  ///< vertices whose rows are in memory together, at most
+constexpr std::size_t kKeptOverhead = 64;   ///< bytes of a kept row beside its floats
 
 /// Error falls as the ray count to the power of -1 / kRayExponent. Measured on scans and indoors.
 constexpr double kRayExponent = 1.27;
@@ -80,7 +81,7 @@ class DiffuseBake {
 };
 
 double DiffuseBake::turn_rad(std::uint32_t vertex, Stage stage) const {
-    return 2 * pi * RandomStream(job_.seed, stage, mesh_ << 32 | vertex).next();
+    return 2 * pi * RandomStream(job_.seed, stage, points_.stream(vertex, tracer_.space())).next();
 }
 
 /// Sorts every vertex into its kind and counts.
@@ -216,10 +217,21 @@ Expected<DiffuseReport> DiffuseBake::run(
     for (std::uint32_t v = 0; v < count; ++v)
         if (kinds_[v] == Kind::Merged) last_copy[points_.representative(v)] = v;
 
-    std::vector<float> rows(std::min(kHandOver, count) * coeffs_);
+    // Half of the budget for the rows of one hand-over, the rest for rows that copies wait for.
+    const std::size_t row_bytes = coeffs_ * sizeof(float);
+    const std::size_t hand_over = std::clamp(job_.memory_bytes / 2 / row_bytes, kBlock, kHandOver);
+    const std::size_t in_hand = std::min(hand_over, count) * row_bytes;
+    const std::size_t max_kept =
+        (job_.memory_bytes - std::min(job_.memory_bytes, in_hand)) / (row_bytes + kKeptOverhead);
+    std::vector<float> rows(std::min(hand_over, count) * coeffs_);
     std::unordered_map<std::uint32_t, std::vector<float>> kept;  // rows from before that are copied
-    for (std::size_t begin = 0; begin < count; begin += kHandOver) {
-        const std::size_t size = std::min(kHandOver, count - begin);
+    for (std::size_t begin = 0; begin < count; begin += hand_over) {
+        const std::size_t size = std::min(hand_over, count - begin);
+        // A copy of what is no longer in memory is baked again: the same bits, for more rays.
+        const auto is_repeated = [&](std::size_t v) {
+            const std::uint32_t place = points_.representative(v);
+            return kinds_[v] == Kind::Merged && place < begin && !kept.contains(place);
+        };
         const auto row = [&](std::size_t v) {
             return std::span(rows).subspan((v - begin) * coeffs_, coeffs_);
         };
@@ -229,19 +241,24 @@ Expected<DiffuseReport> DiffuseBake::run(
             for (std::size_t v = first; v < end; ++v) {
                 if (kinds_[v] == Kind::Unreferenced)
                     std::fill(row(v).begin(), row(v).end(), 0.0f);
-                else if (kinds_[v] != Kind::Merged)
-                    bake_row(static_cast<std::uint32_t>(v), row(v));
+                else if (kinds_[v] != Kind::Merged || is_repeated(v))
+                    bake_row(points_.representative(v), row(v));
             }
             progress.add(end - first);
         });
         for (std::size_t v = begin; v < begin + size; ++v) {
-            if (kinds_[v] == Kind::Merged) {
+            if (is_repeated(v)) {
+                if (kinds_[points_.representative(v)] == Kind::Traced)
+                    report_.repeated_ray_count +=
+                        static_cast<std::uint64_t>(report_.rays_per_vertex);
+            } else if (kinds_[v] == Kind::Merged) {
                 const std::uint32_t place = points_.representative(v);
                 const std::span<const float> source =
                     place >= begin ? row(place) : std::span<float>(kept.at(place));
                 std::copy(source.begin(), source.end(), row(v).begin());
                 if (place < begin && last_copy[place] == v) kept.erase(place);
-            } else if (last_copy[v] >= begin + size) {
+            } else if (kinds_[v] == Kind::Traced && last_copy[v] >= begin + size &&
+                       kept.size() < max_kept) {
                 kept.emplace(static_cast<std::uint32_t>(v),
                              std::vector<float>(row(v).begin(), row(v).end()));
             }

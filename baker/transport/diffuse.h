@@ -18,6 +18,9 @@ struct DiffuseJob {
     double tolerance = 1e-2;  ///< rms over vertices of |T - T_true|_2 / |T_unoccluded|_2
     int rays_per_vertex = 0;  ///< 0: chosen from the tolerance
     std::uint64_t seed = 0;
+    /// For rows: those baked at once, and those that copies further on wait for. A copy whose row
+    /// found no room is traced again. Under 64 rows it counts as 64; the bits do not depend on it.
+    std::size_t memory_bytes = std::size_t{256} << 20;
 };
 
 /// Every vertex is one of unreferenced, merged, free and traced.
@@ -30,6 +33,8 @@ struct DiffuseReport {
     std::uint64_t ray_count = 0;        ///< without those of the error check
     std::uint64_t check_ray_count = 0;  ///< of the error check, pilot included
     int rays_per_vertex = 0;            ///< of the traced ones
+    /// Traced again for want of memory: in none of the counts above.
+    std::uint64_t repeated_ray_count = 0;
 
     /// Relative as DiffuseJob::tolerance, rms over all vertices. Measured on a sample of the traced
     /// ones against an independent bake with four times the rays, plus one standard error of the
@@ -53,15 +58,15 @@ void unoccluded_transport(int bands, const DVec3& n, std::span<double> out);
 ///
 /// with n the shading normal and V the visibility from the vertex among all the scene's occluders
 /// (SurfacePoints says where exactly rays start). The result is T_unoccluded less the blocked rays
-/// of one quadrature set (RaySet), turned about each normal by an angle of the vertex's own: a
+/// of one quadrature set (RaySet), turned about each normal by an angle of the place's own: a
 /// vertex that meets nothing is exactly analytic, one that sees nothing is exactly 0.
 ///
 /// The ray count follows the tolerance: a pilot on a sample of vertices scales the expected count
 /// by error ~ N^-0.8, then the sample is measured, and the count raised where it falls short. What
 /// was reached stands in the report; a tolerance out of reach of 2^18 rays is not an error.
 ///
-/// Rows are handed to `sink` in vertex order, some at a time; memory does not grow with the mesh,
-/// except for rows that later vertices copy, kept until the last of them.
+/// Rows are handed to `sink` in vertex order, some at a time. Beside the budget a bake takes about
+/// 32 bytes a vertex of this mesh and 12 a triangle, for its welding.
 /// `progress` counts vertices; a scene has many meshes, so who bakes them all announces the total.
 /// Deterministic for any number of threads. An error of the sink ends the bake and is returned.
 ///
