@@ -257,6 +257,49 @@ TEST(Mips, OneHotTexelAnywhere) {
     }
 }
 
+TEST(Mips, NoSeamsBetweenFaces) {
+    // Across each of the twelve edges, texel by texel: what lies between two neighbours' values is
+    // what lies between the true ones, so an edge shows no more than any line of texels does.
+    const Environment environment = test::sun_and_sky(test::lat_long_grid(96, 48));
+    const test::PrefilterReference reference(environment);
+    for (const float r : {0.25f, 0.6f}) {
+        constexpr int n = 12;
+        const Mip mip = bake_one(environment, r, n);
+        int pairs = 0;
+        for (std::size_t i = 0; i < texel_count(mip); ++i) {
+            const int row = static_cast<int>(i) / n % n, column = static_cast<int>(i) % n;
+            const auto face = static_cast<cube::Face>(i / slot(n * n));
+            const double u = 2 * (column + 0.5) / n - 1, v = 2 * (row + 0.5) / n - 1;
+            // The texel beyond the edge: half a texel on, in the plane of this face.
+            const double over = 1 + 1.0 / n;
+            std::vector<std::pair<double, double>> beyond;
+            if (column == 0) beyond.emplace_back(-over, v);
+            if (column == n - 1) beyond.emplace_back(over, v);
+            if (row == 0) beyond.emplace_back(u, -over);
+            if (row == n - 1) beyond.emplace_back(u, over);
+            for (const auto& [bu, bv] : beyond) {
+                const auto to = cube::project(cube::direction(face, bu, bv));
+                ASSERT_NE(to.face, face);
+                const auto at = [](double x) {
+                    return std::clamp(static_cast<int>((x + 1) / 2 * n), 0, n - 1);
+                };
+                const std::size_t j =
+                    slot(static_cast<int>(to.face) * n * n + at(to.v) * n + at(to.u));
+                if (j < i) continue;  // once a pair
+                ++pairs;
+                if (pairs % 9 != 0) continue;
+                const DVec3 step = texel_of(mip, i) - texel_of(mip, j);
+                const DVec3 a = reference.value(direction_of(mip, i), static_cast<double>(r));
+                const DVec3 b = reference.value(direction_of(mip, j), static_cast<double>(r));
+                for (int k = 0; k < 3; ++k) {
+                    EXPECT_NEAR(step[k], a[k] - b[k], 1e-3 * (a[k] + b[k])) << i << " " << j;
+                }
+            }
+        }
+        EXPECT_EQ(pairs, 12 * n);
+    }
+}
+
 TEST(Mips, BrightnessFallsWithTheAngleFromALoneSun) {
     const auto environment = test::sun_and_sky(test::lat_long_grid(256, 128));
     Environment sun = environment;
