@@ -5,6 +5,7 @@
 #include "baker/lighting/error_bound.h"
 #include "baker/lighting/prefilter.h"
 #include "baker/lighting/prefilter_kernel.h"
+#include "baker/lighting/source_estimate.h"
 #include "baker/lighting/source_patch.h"
 #include "baker/lighting/source_view.h"
 
@@ -54,39 +55,6 @@ PatchMoments<S> moments_of(const SourcePatch& p, const DVec3& radiance, const DV
     m.radial = static_cast<S>((a2 * a2 + b2 * b2) / 45);
     return m;
 }
-
-/// What one source adds to the error of a texel, relative to what the texel receives, or the
-/// darkest of the disc.
-template <class Real>
-struct SourceEstimate {
-    Real core;           ///< share times (extent / l)^6
-    Real curvature;      ///< of the Taylor series
-    Real kink;           ///< of the horizon across it
-    Real interpolation;  ///< within the tile, where it is interpolated
-    bool accepted;
-    bool direct;  ///< too sharp to be interpolated
-};
-
-/// Smooth content errs with one sign, so those are summed; the others err either way.
-template <class Real>
-struct EstimateSums {
-    Real core{}, curvature{}, kink2{}, interpolation2{}, dropped{};
-    Real bound[3] = {};  ///< sums of bounds by channel, where they decide
-
-    template <class S>
-    [[gnu::always_inline]] void add(const SourceEstimate<Real>& e, S part) {
-        core += e.core * part;
-        curvature += e.curvature * part;
-        kink2 += e.kink * e.kink * (part * part);
-        if (!e.direct) interpolation2 += e.interpolation * e.interpolation * (part * part);
-    }
-    /// Calibrated against brute force, factor by factor, on photographs, synthetic skies and noise.
-    template <class Lobe>
-    Real error(float of_curvature) const {
-        return core * Lobe::kCoreSum + curvature * (Lobe::kCurvatureSum * of_curvature) +
-               square_root(kink2) * 0.3f + square_root(interpolation2) * Lobe::kMissedSum + dropped;
-    }
-};
 
 /// Walks of the tree for one tile after another: which blocks and which texels stand for the
 /// environment there.
