@@ -9,8 +9,10 @@
 #include <bit>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 namespace envbake::lighting {
 namespace {
@@ -36,17 +38,12 @@ int floor_power_of_two(int x) {
 
 }  // namespace
 
-/// One level of blocks, in rows of `count` blocks each.
-struct ClusterTree::Level {
-    struct Row {
-        std::size_t first;
-        int count;
-        int face, row0, row1;
-        int child_row[2];  ///< in the finer level; -1: none
-    };
-    std::vector<Row> rows;
-    std::vector<RawMoments> raw;
-    std::vector<TexelBlock> blocks;
+/// A row of blocks of one level.
+struct ClusterTree::Row {
+    std::size_t first;  ///< node of its first block
+    int count;
+    int face, row0, row1;
+    int child_row[2];  ///< in the finer level; -1: none
 };
 
 ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
@@ -55,20 +52,9 @@ ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
     const auto* cube = std::get_if<CubeGrid>(&environment.grid);
     width_ = lat_long ? lat_long->width : cube->size;
     height_ = lat_long ? lat_long->height : cube->size;
+    find_range();
 
-    Vec3 low = environment.radiance[0], high = low;
-    for (const Vec3& L : environment.radiance) {
-        low = glm::min(low, L);
-        high = glm::max(high, L);
-    }
-    floor_ = DVec3(low);
-    ceiling_ = DVec3(high);
-    for (int k = 0; k < 3; ++k) {
-        const double peak = ceiling_[k] - floor_[k];
-        scale_[k] = peak > 0 ? std::ldexp(1.0, -(std::ilogb(peak) + 1)) : 1.0;
-    }
-
-    // Blocks of about the asked extent, but no more than 170 rows of them: 30 MB, what it takes to
+    // Blocks of about the asked extent, but no more than 170 rows of them: 10 MB, what it takes to
     // build them included. What needs finer is opened into texels.
     const double texel_extent = (lat_long ? pi : pi / 2) / height_;
     const int limit = lat_long ? 170 : 85;
@@ -81,24 +67,75 @@ ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
     levels.push_back(lat_long ? lat_long_base(*lat_long, texels_per_block)
                               : cube_base(*cube, texels_per_block));
     const std::size_t few = lat_long ? 4 : 2 * cube::kFaceCount;
-    while (levels.back().rows.size() > few) levels.push_back(coarser(levels.back()));
+    while (levels.back().size() > few) levels.push_back(coarser(levels.back()));
+    const Row& last = levels.back().back();
+    const std::size_t nodes = last.first + index(last.count);
+    clusters_.nodes.resize(nodes);
+    clusters_.moments.resize(nodes);
+    clusters_.blocks.resize(nodes);
+
+    // Moments about the origin are many, and are kept no longer than their parents need them: a
+    // task for each row of a level of some rows, depth first, and then the few above.
+    std::size_t shared = levels.size() - 1;
+    while (shared > 0 && levels[shared].size() < 32) --shared;
+    std::vector<std::vector<RawMoments>> of_rows(levels[shared].size());
+    parallel_for(of_rows.size(), [&](std::size_t r) { of_rows[r] = build(levels, shared, r); });
+    for (std::size_t l = shared + 1; l < levels.size(); ++l) {
+        std::vector<std::vector<RawMoments>> above;
+        for (const Row& row : levels[l]) {
+            above.push_back(sum_children(
+                levels[l - 1], row, [&](int child) { return std::move(of_rows[index(child)]); }));
+            finish(row, &levels[l - 1], above.back());
+        }
+        of_rows = std::move(above);
+    }
 
     DVec3 flux{0};
-    DVec3 weight{0};
-    for (const RawMoments& raw : levels.back().raw) {
-        flux += DVec3{raw.of[0][0], raw.of[1][0], raw.of[2][0]};
+    for (const auto& row : of_rows) {
+        for (const RawMoments& raw : row) {
+            flux += DVec3{raw.of[0][0], raw.of[1][0], raw.of[2][0]};
+        }
     }
-    for (int k = 0; k < 3; ++k) weight[k] = flux[k] > 0 ? 1 / flux[k] : 0;
     mean_excess_ = flux / (4 * pi);
-    centre_weight_ = weight;
-
-    std::uint32_t first = 0, finer_first = 0;
-    for (std::size_t i = 0; i < levels.size(); ++i) {
-        finer_first = first;
-        first = static_cast<std::uint32_t>(clusters_.nodes.size());
-        append(levels[i], i > 0 ? &levels[i - 1] : nullptr, finer_first);
+    for (std::size_t i = levels.back().front().first; i < nodes; ++i) {
+        roots_.push_back(static_cast<std::uint32_t>(i));
     }
-    for (std::uint32_t i = first; i < clusters_.nodes.size(); ++i) roots_.push_back(i);
+}
+
+/// The least and the most of each channel, and about how much there is of it.
+void ClusterTree::find_range() {
+    struct Range {
+        Vec3 low{std::numeric_limits<float>::infinity()}, high{0};
+        DVec3 sum{0};
+    };
+    const std::vector<Vec3>& radiance = environment_->radiance;
+    std::vector<Range> ranges(index(height_));
+    const std::size_t each = radiance.size() / ranges.size();
+    parallel_for(ranges.size(), [&](std::size_t r) {
+        Range range;
+        for (std::size_t i = r * each; i < (r + 1) * each; ++i) {
+            const Vec3& L = radiance[i];
+            range.low = glm::min(range.low, L);
+            range.high = glm::max(range.high, L);
+            range.sum += DVec3(L);
+        }
+        ranges[r] = range;
+    });
+    Range all;
+    for (const Range& range : ranges) {
+        all.low = glm::min(all.low, range.low);
+        all.high = glm::max(all.high, range.high);
+        all.sum += range.sum;
+    }
+    floor_ = DVec3(all.low);
+    ceiling_ = DVec3(all.high);
+    for (int k = 0; k < 3; ++k) {
+        const double peak = ceiling_[k] - floor_[k];
+        scale_[k] = peak > 0 ? std::ldexp(1.0, -(std::ilogb(peak) + 1)) : 1.0;
+        const double excess =
+            (all.sum[k] / static_cast<double>(radiance.size()) - floor_[k]) * scale_[k];
+        centre_weight_[k] = peak > 0 ? 1 / std::max(excess, 1e-9) : 0;
+    }
 }
 
 /// Everything separates into factors of the row and of the column.
@@ -135,62 +172,15 @@ void ClusterTree::prepare(const LatLongGrid& grid) {
 ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_per_block) const {
     Level level;
     const int most = floor_power_of_two(width_);
+    std::size_t first = 0;
     for (int row0 = 0; row0 < height_; row0 += rows_per_block) {
         const int row1 = std::min(row0 + rows_per_block, height_);
         const double theta0 = grid.theta_edges[index(row0)], theta1 = grid.theta_edges[index(row1)];
         const double around = 2 * pi * std::sin((theta0 + theta1) / 2) / (theta1 - theta0);
         const int count = std::min(std::max(4, nearest_power_of_two(std::max(around, 1.0))), most);
-        level.rows.push_back({level.blocks.size(), count, -1, row0, row1, {-1, -1}});
-        for (int i = 0; i < count; ++i) {
-            level.blocks.push_back(
-                {-1, row0, row1, block_begin(i, count, width_), block_begin(i + 1, count, width_)});
-        }
+        level.push_back({first, count, -1, row0, row1, {-1, -1}});
+        first += index(count);
     }
-    level.raw.resize(level.blocks.size());
-
-    parallel_for(level.rows.size(), [&](std::size_t at) {
-        const Level::Row& run = level.rows[at];
-        constexpr int kSums = 5;
-        const int stride = (width_ + kDoubleLanes - 1) / kDoubleLanes * kDoubleLanes;
-        std::vector<double> sums(index(3 * kSums * stride), 0.0), row(index(stride), 0.0);
-        double uniform[3] = {};  // of 1, sin, cos over the rows
-        for (int r = run.row0; r < run.row1; ++r) {
-            const Factors& of = row_factors_[index(r)];
-            const double weights[kSums] = {of[0], of[1], of[2], of[4], of[7]};
-            for (int j = 0; j < 3; ++j) uniform[j] += weights[j];
-            const Vec3* texels = environment_->radiance.data() + index(r) * index(width_);
-            for (int k = 0; k < 3; ++k) {
-                for (int i = 0; i < width_; ++i) {
-                    row[index(i)] = (static_cast<double>(texels[i][k]) - floor_[k]) * scale_[k];
-                }
-                double* out = sums.data() + k * kSums * stride;
-                for (int i = 0; i < stride; i += kDoubleLanes) {
-                    const auto L = load<Double8>(row.data() + i);
-                    for (int j = 0; j < kSums; ++j) {
-                        double* at_sum = out + j * stride + i;
-                        store(load<Double8>(at_sum) + weights[j] * L, at_sum);
-                    }
-                }
-            }
-        }
-        for (int b = 0; b < run.count; ++b) {
-            const std::size_t slot = run.first + index(b);
-            const TexelBlock& block = level.blocks[slot];
-            RawMoments& raw = level.raw[slot];
-            for (int i = block.column0; i < block.column1; ++i) {
-                const Factors& p = column_factors_[index(i)];
-                for (std::size_t j = 0; j < 4; ++j)
-                    raw.uniform[j] += uniform[j == 3 ? 1 : j] * p[j];
-                for (int k = 0; k < 3; ++k) {
-                    const double* in = sums.data() + k * kSums * stride + i;
-                    const double s = in[0], ss = in[stride], sc = in[2 * stride],
-                                 sss = in[3 * stride], ssc = in[4 * stride];
-                    const Factors t{s, ss, sc, ss, sss, s - sss, sss, ssc, sss, ssc};
-                    for (std::size_t j = 0; j < t.size(); ++j) raw.of[k][j] += t[j] * p[j];
-                }
-            }
-        }
-    });
     return level;
 }
 
@@ -199,36 +189,22 @@ ClusterTree::Level ClusterTree::cube_base(const CubeGrid& grid, int texels_per_b
     const int count =
         std::clamp(nearest_power_of_two(static_cast<double>(grid.size) / texels_per_block), 1,
                    floor_power_of_two(grid.size));
-    for (int face = 0; face < cube::kFaceCount; ++face) {
-        for (int j = 0; j < count; ++j) {
-            const int row0 = block_begin(j, count, grid.size);
-            const int row1 = block_begin(j + 1, count, grid.size);
-            level.rows.push_back({level.blocks.size(), count, face, row0, row1, {-1, -1}});
-            for (int i = 0; i < count; ++i) {
-                level.blocks.push_back({face, row0, row1, block_begin(i, count, grid.size),
-                                        block_begin(i + 1, count, grid.size)});
-            }
-        }
+    for (int i = 0; i < cube::kFaceCount * count; ++i) {
+        const int row0 = block_begin(i % count, count, grid.size);
+        const int row1 = block_begin(i % count + 1, count, grid.size);
+        level.push_back({index(i * count), count, i / count, row0, row1, {-1, -1}});
     }
-    level.raw.resize(level.blocks.size());
-
-    parallel_for(level.rows.size(), [&](std::size_t at) {
-        const Level::Row& run = level.rows[at];
-        for (int b = 0; b < run.count; ++b) {
-            const TexelBlock& block = level.blocks[run.first + index(b)];
-            add_texels(block, level.raw[run.first + index(b)]);
-        }
-    });
     return level;
 }
 
 ClusterTree::Level ClusterTree::coarser(const Level& fine) const {
     Level level;
     const auto* lat_long = std::get_if<LatLongGrid>(&environment_->grid);
-    for (std::size_t r = 0; r < fine.rows.size();) {
-        const Level::Row& upper = fine.rows[r];
-        const bool paired = r + 1 < fine.rows.size() && fine.rows[r + 1].face == upper.face;
-        const Level::Row& lower = fine.rows[paired ? r + 1 : r];
+    std::size_t first = fine.back().first + index(fine.back().count);
+    for (std::size_t r = 0; r < fine.size();) {
+        const Row& upper = fine[r];
+        const bool paired = r + 1 < fine.size() && fine[r + 1].face == upper.face;
+        const Row& lower = fine[paired ? r + 1 : r];
         int count = std::min(upper.count, lower.count);
         if (lat_long) {
             const double theta0 = lat_long->theta_edges[index(upper.row0)];
@@ -238,55 +214,124 @@ ClusterTree::Level ClusterTree::coarser(const Level& fine) const {
         } else if (paired) {
             count = std::max(1, count / 2);
         }
-        Level::Row row{
-            level.blocks.size(), count,
-            upper.face,          upper.row0,
-            lower.row1,          {static_cast<int>(r), paired ? static_cast<int>(r + 1) : -1}};
-        for (int i = 0; i < count; ++i) {
-            RawMoments sum;
-            for (const int child_row : row.child_row) {
-                if (child_row < 0) continue;
-                const Level::Row& child = fine.rows[index(child_row)];
-                const int each = child.count / count;
-                for (int j = 0; j < each; ++j) {
-                    sum.add(fine.raw[child.first + index(i * each + j)]);
-                }
-            }
-            level.raw.push_back(sum);
-            level.blocks.push_back({upper.face, upper.row0, lower.row1,
-                                    block_begin(i, count, width_),
-                                    block_begin(i + 1, count, width_)});
-        }
-        level.rows.push_back(row);
+        level.push_back({first,
+                         count,
+                         upper.face,
+                         upper.row0,
+                         lower.row1,
+                         {static_cast<int>(r), paired ? static_cast<int>(r + 1) : -1}});
+        first += index(count);
         r += paired ? 2 : 1;
     }
     return level;
 }
 
-void ClusterTree::append(const Level& level, const Level* finer, std::uint32_t finer_first) {
-    const std::size_t first = clusters_.nodes.size();
-    clusters_.nodes.resize(first + level.raw.size());
-    clusters_.moments.resize(clusters_.nodes.size());
-    clusters_.blocks.insert(clusters_.blocks.end(), level.blocks.begin(), level.blocks.end());
-    parallel_for(level.rows.size(), [&](std::size_t at) {
-        const Level::Row& row = level.rows[at];
-        for (int i = 0; i < row.count; ++i) {
-            const std::size_t slot = row.first + index(i);
-            ClusterNode node = make_node(level.raw[slot], rect_of(level.blocks[slot]),
-                                         clusters_.moments[first + slot]);
-            for (int k = 0; k < 2; ++k) {
-                node.first_child[k] = 0;
-                node.child_count[k] = 0;
-                if (!finer || row.child_row[k] < 0) continue;
-                const Level::Row& child = finer->rows[index(row.child_row[k])];
-                const int each = child.count / row.count;
-                node.child_count[k] = static_cast<std::uint16_t>(each);
-                node.first_child[k] =
-                    finer_first + static_cast<std::uint32_t>(child.first + index(i * each));
-            }
-            clusters_.nodes[first + slot] = node;
+/// A row of a level and all below it. Returns the row's moments about the origin.
+std::vector<RawMoments> ClusterTree::build(const std::vector<Level>& levels, std::size_t l,
+                                           std::size_t r) {
+    const Row& row = levels[l][r];
+    std::vector<RawMoments> raw =
+        l == 0 ? add_texels(row) : sum_children(levels[l - 1], row, [&](int child) {
+            return build(levels, l - 1, index(child));
+        });
+    finish(row, l == 0 ? nullptr : &levels[l - 1], raw);
+    return raw;
+}
+
+template <class RawOfRow>
+std::vector<RawMoments> ClusterTree::sum_children(const Level& finer, const Row& row,
+                                                  const RawOfRow& raw_of_row) {
+    std::vector<RawMoments> sums(index(row.count));
+    for (const int child_row : row.child_row) {
+        if (child_row < 0) continue;
+        const std::vector<RawMoments> child = raw_of_row(child_row);
+        const std::size_t each = index(finer[index(child_row)].count / row.count);
+        for (std::size_t i = 0; i < child.size(); ++i) sums[i / each].add(child[i]);
+    }
+    return sums;
+}
+
+/// The nodes of a row, from their moments.
+void ClusterTree::finish(const Row& row, const Level* finer, const std::vector<RawMoments>& raw) {
+    for (int i = 0; i < row.count; ++i) {
+        const std::size_t slot = row.first + index(i);
+        const TexelBlock& block = clusters_.blocks[slot] = {row.face, row.row0, row.row1,
+                                                            block_begin(i, row.count, width_),
+                                                            block_begin(i + 1, row.count, width_)};
+        ClusterNode node = make_node(raw[index(i)], rect_of(block), clusters_.moments[slot]);
+        for (int k = 0; k < 2; ++k) {
+            if (!finer || row.child_row[k] < 0) continue;
+            const Row& child = (*finer)[index(row.child_row[k])];
+            const int each = child.count / row.count;
+            node.child_count[k] = static_cast<std::uint16_t>(each);
+            node.first_child[k] = static_cast<std::uint32_t>(child.first + index(i * each));
         }
-    });
+        clusters_.nodes[slot] = node;
+    }
+}
+
+/// The moments about the origin of a row of base blocks.
+std::vector<RawMoments> ClusterTree::add_texels(const Row& run) const {
+    std::vector<RawMoments> blocks(index(run.count));
+    const auto columns_of = [&](int b) {
+        return std::pair(block_begin(b, run.count, width_), block_begin(b + 1, run.count, width_));
+    };
+    if (run.face >= 0) {
+        for (int b = 0; b < run.count; ++b) {
+            const auto [column0, column1] = columns_of(b);
+            add_texels({run.face, run.row0, run.row1, column0, column1}, blocks[index(b)]);
+        }
+        return blocks;
+    }
+    // First over the rows of texels, all columns and channels side by side; then over the columns.
+    constexpr int kSums = 5;
+    const int numbers = 3 * width_;
+    constexpr int kPattern = 3 * kDoubleLanes;  // after which lanes have the same channel again
+    const int stride = (numbers + kPattern - 1) / kPattern * kPattern;
+    double least[kPattern], factor[kPattern];
+    for (int i = 0; i < kPattern; ++i) {
+        least[i] = floor_[i % 3];
+        factor[i] = scale_[i % 3];
+    }
+    std::vector<double> sums(index(kSums * stride), 0.0);
+    std::vector<float> padded(index(stride), 0.0f);
+    double uniform[3] = {};  // of 1, sin, cos over the rows
+    for (int r = run.row0; r < run.row1; ++r) {
+        const Factors& of = row_factors_[index(r)];
+        const double weights[kSums] = {of[0], of[1], of[2], of[4], of[7]};
+        for (int j = 0; j < 3; ++j) uniform[j] += weights[j];
+        const Vec3* texels = environment_->radiance.data() + index(r) * index(width_);
+        std::memcpy(padded.data(), texels, index(numbers) * sizeof(float));
+        for (int i = 0; i < stride; i += kPattern) {
+            for (int part = 0; part < kPattern; part += kDoubleLanes) {
+                Double8 L;
+                for (int lane = 0; lane < kDoubleLanes; ++lane) {
+                    L[lane] = static_cast<double>(padded[index(i + part + lane)]);
+                }
+                L = (L - load<Double8>(least + part)) * load<Double8>(factor + part);
+                for (int j = 0; j < kSums; ++j) {
+                    double* sum = sums.data() + j * stride + i + part;
+                    store(load<Double8>(sum) + weights[j] * L, sum);
+                }
+            }
+        }
+    }
+    for (int b = 0; b < run.count; ++b) {
+        RawMoments& raw = blocks[index(b)];
+        const auto [column0, column1] = columns_of(b);
+        for (int i = column0; i < column1; ++i) {
+            const Factors& p = column_factors_[index(i)];
+            for (std::size_t j = 0; j < 4; ++j) raw.uniform[j] += uniform[j == 3 ? 1 : j] * p[j];
+            for (int k = 0; k < 3; ++k) {
+                const double* in = sums.data() + 3 * i + k;
+                const double s = in[0], ss = in[stride], sc = in[2 * stride], sss = in[3 * stride],
+                             ssc = in[4 * stride];
+                const Factors t{s, ss, sc, ss, sss, s - sss, sss, ssc, sss, ssc};
+                for (std::size_t j = 0; j < t.size(); ++j) raw.of[k][j] += t[j] * p[j];
+            }
+        }
+    }
+    return blocks;
 }
 
 OpenedBlock ClusterTree::open(const TexelBlock& block) const {

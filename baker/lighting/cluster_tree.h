@@ -12,8 +12,8 @@
 
 namespace envbake::lighting {
 
-/// What the traversal looks at; the moments lie apart.
-struct ClusterNode {
+/// What the traversal looks at, in one cache line; the moments lie apart.
+struct alignas(64) ClusterNode {
     float centre[3];
     float variance;
     float flux[3];
@@ -77,7 +77,7 @@ class ClusterTree {
   public:
     /// `base_extent_rad` is the size of block that the finest kernel asks for; blocks are whole
     /// texels, and not more than 170 rows of them (85 on a cube face) cover the map, however large
-    /// it is: 37,000 base blocks, 30 MB with what it takes to build them.
+    /// it is: 37,000 base blocks, 10 MB with what it takes to build them.
     ClusterTree(const Environment& environment, double base_extent_rad);
 
     const Clusters& clusters() const { return clusters_; }
@@ -100,13 +100,20 @@ class ClusterTree {
     DVec3 mean() const { return mean_excess_ + floor_ * scale_; }
 
   private:
-    struct Level;
+    struct Row;
+    using Level = std::vector<Row>;
     using Factors = std::array<double, 10>;
+    void find_range();
     void prepare(const LatLongGrid& grid);
     Level lat_long_base(const LatLongGrid& grid, int rows_per_block) const;
     Level cube_base(const CubeGrid& grid, int texels_per_block) const;
     Level coarser(const Level& fine) const;
-    void append(const Level& level, const Level* finer, std::uint32_t finer_first);
+    std::vector<RawMoments> build(const std::vector<Level>& levels, std::size_t l, std::size_t r);
+    template <class RawOfRow>
+    static std::vector<RawMoments> sum_children(const Level& finer, const Row& row,
+                                                const RawOfRow& raw_of_row);
+    void finish(const Row& row, const Level* finer, const std::vector<RawMoments>& raw);
+    std::vector<RawMoments> add_texels(const Row& run) const;
     void fill(OpenedBlock& opened, std::size_t slot) const;
     void add_texels(const TexelBlock& block, RawMoments& sum) const;
     ClusterNode make_node(const RawMoments& raw, const SourceRect& rect,
