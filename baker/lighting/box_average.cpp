@@ -109,21 +109,31 @@ class LatLongToCube {
     std::vector<float> run() {
         const std::size_t n = index(half_);
         parallel_for(2 * n, [&](std::size_t task) {
-            std::vector<OverlapFinder> finders;
+            Worker worker;
             for (const GridParts& group : groups_) {
-                finders.emplace_back(group, 2.0 / (size_ * pieces_));
+                worker.finders.emplace_back(group, 2.0 / (size_ * pieces_));
             }
             const int j = static_cast<int>(task % n);
             if (task < n) {
-                for (int i = 0; i < half_; ++i) average(finders, false, i, j);
+                for (int i = 0; i < half_; ++i) average(worker, false, i, j);
             } else {
-                for (int b = 0; b <= j; ++b) average(finders, true, j, b);
+                for (int b = 0; b <= j; ++b) average(worker, true, j, b);
             }
         });
         return std::move(texels_);
     }
 
   private:
+    /// A texel of the map in an overlap, counted in the coordinates of a part.
+    struct Cell {
+        std::ptrdiff_t row, column;
+        double solid_angle;
+    };
+    struct Worker {
+        std::vector<OverlapFinder> finders;  ///< of each group
+        Overlap overlap;
+        std::vector<Cell> cells;
+    };
     struct Output {
         std::ptrdiff_t texel = 0;
         double solid_angle = 0;
@@ -151,9 +161,9 @@ class LatLongToCube {
     }
 
     /// Side texel (i, j) or polar texel (a, b) of every part.
-    void average(std::vector<OverlapFinder>& finders, bool polar, int i, int j) {
+    void average(Worker& worker, bool polar, int i, int j) {
         Outputs outputs;
-        Overlap overlap;
+        Overlap& overlap = worker.overlap;
         const bool on_axis = size_ % 2 == 1 && (i == 0 || j == 0);
         std::size_t first_part = 0;
         for (std::size_t g = 0; g < groups_.size(); ++g) {
@@ -176,12 +186,21 @@ class LatLongToCube {
                     const double i0 = edge(i, k), i1 = edge(i, k + 1);
                     const double j0 = edge(j, l), j1 = edge(j, l + 1);
                     if (polar) {
-                        finders[g].add_polar(i0, i1, j0, j1, overlap);
+                        worker.finders[g].add_polar(i0, i1, j0, j1, overlap);
                     } else {
-                        finders[g].add_side(j0, j1, i0, i1, overlap);
+                        worker.finders[g].add_side(j0, j1, i0, i1, overlap);
+                    }
+                    worker.cells.clear();
+                    for (const Overlap::Run& run : overlap.runs) {
+                        for (int c = 0; c < run.count; ++c) {
+                            worker.cells.push_back({run.row, run.column + c,
+                                                    overlap.solid_angles[run.first + index(c)]});
+                        }
                     }
                     for (std::size_t p = 0; p < parts.size(); ++p) {
-                        if (to[p]) add_overlap(parts[p], overlap, *to[p]);
+                        if (!to[p]) continue;
+                        add_cells(parts[p], worker.cells, to[p]->flux);
+                        to[p]->solid_angle += overlap.total;
                     }
                 }
             }
@@ -194,32 +213,18 @@ class LatLongToCube {
         }
     }
 
-    void add_overlap(const GridPart& part, const Overlap& overlap, Output& to) const {
-        Sum<kChannels> flux = to.flux;
-        for (const Overlap::Run& run : overlap.runs) {
-            const int row = part.first_row + part.row_step * run.row;
-            const Vec3* const texels = radiance_ + index(row) * index(width_);
-            int column = part.first_column + part.column_step * run.column;
-            if (column >= width_) column -= width_;
-            if (column < 0) column += width_;
-            const double* const weights = overlap.solid_angles.data() + run.first;
-            const int end = column + part.column_step * (run.count - 1);
-            if (end >= 0 && end < width_) {
-                const Vec3* L = texels + column;
-                for (int i = 0; i < run.count; ++i, L += part.column_step) {
-                    add<kChannels>(flux, weights[i], *L);
-                }
-            } else {
-                for (int i = 0; i < run.count; ++i) {
-                    add<kChannels>(flux, weights[i], texels[column]);
-                    column += part.column_step;
-                    if (column == width_) column = 0;
-                    if (column < 0) column = width_ - 1;
-                }
-            }
+    void add_cells(const GridPart& part, const std::vector<Cell>& cells,
+                   Sum<kChannels>& flux) const {
+        const std::ptrdiff_t row_step = static_cast<std::ptrdiff_t>(part.row_step) * width_;
+        const std::ptrdiff_t step = part.column_step, last = width_ - 1;
+        const Vec3* const first = radiance_ + static_cast<std::ptrdiff_t>(part.first_row) * width_;
+        Sum<kChannels> sum = flux;
+        for (const Cell& cell : cells) {
+            std::ptrdiff_t column = part.first_column + step * cell.column;
+            column = column > last ? column - width_ : column < 0 ? column + width_ : column;
+            add<kChannels>(sum, cell.solid_angle, first[row_step * cell.row + column]);
         }
-        to.flux = flux;
-        to.solid_angle += overlap.total;
+        flux = sum;
     }
 
     const Vec3* radiance_;
