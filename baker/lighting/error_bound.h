@@ -29,7 +29,8 @@ struct ClusterSpread {
 ///
 /// the second parts for what the kernel takes them to be. Where the horizon may cut the cluster,
 /// max(0, mu + s) and its model are each within [0, P], P = 2.25 reach, and differ on average by no
-/// more than max(sqrt(q) / 2, sqrt(3 V) / 4) + |E s| [Scarf58].
+/// more than max(sqrt(q) / 2 + h / 24, h / 4 + 3 q / (8 h)) + |E s|, h = sqrt(3 V): [Scarf58], and
+/// what SpreadCosine makes of V and q.
 template <class Weight, class Real, class S>
 Real cluster_error_bound(const Weight& weight, const ClusterSpread<S>& of, const Real& distance2,
                          const Real& mu) {
@@ -37,7 +38,7 @@ Real cluster_error_bound(const Weight& weight, const ClusterSpread<S>& of, const
     const Real distance = square_root(distance2);
     const Real closest = larger<Real>(zero, distance - of.reach), furthest = distance + of.reach;
     // Taylor coefficients of D, in absolute value, anywhere on the cluster.
-    const WeightTerms<Real> d = weight.bounds(Real(closest * closest), Real(furthest * furthest));
+    const DensityTerms<Real> d = weight.bounds(Real(closest * closest), Real(furthest * furthest));
 
     const Real perp = distance < one ? distance : one;
     const S radial = S(0.6) * of.reach * of.reach;
@@ -45,15 +46,16 @@ Real cluster_error_bound(const Weight& weight, const ClusterSpread<S>& of, const
     const Real root_q = perp * of.deviation + radial;
     const Real q = root_q * root_q;
     const Real t = (perp * perp + S(2) * of.variance) * of.variance;
-    const Real smooth = (d.k3 + d.k2) * (s * q + t * (S(1.2) * of.variance)) +
-                        (d.k4 + d.k3) * (s * s * q + t * t * S(2.1));
+    const Real smooth = (d.d3 + d.d2) * (s * q + t * (S(1.2) * of.variance)) +
+                        (d.d4 + d.d3) * (s * s * q + t * t * S(2.1));
 
-    const S most = S(2.25) * of.reach, half = S(0.25) * std::sqrt(S(3) * of.variance);
-    const Real kink = larger<Real>(root_q * S(0.5), zero + half) + of.offset;
+    const S most = S(2.25) * of.reach, h = std::sqrt(S(3) * of.variance);
+    const Real kink =
+        larger<Real>(root_q * S(0.5) + h / 24, q * (S(0.375) / h) + h / 4) + of.offset;
     const S v2 = of.variance * of.variance;
-    const Real cut = d.k0 * kink + d.k1 * (root_q * most + q) + d.k2 * (q * (S(2) * most)) +
-                     (d.k2 + d.k3 * most) * (S(1.2) * most * v2) +
-                     (d.k3 + d.k4 * most) * (S(2.1) * v2);
+    const Real cut = d.d0 * kink + d.d1 * (root_q * most + q) + d.d2 * (q * (S(2) * most)) +
+                     (d.d2 + d.d3 * most) * (S(1.2) * most * v2) +
+                     (d.d3 + d.d4 * most) * (S(2.1) * v2);
     const Real edge = zero + S(1.25) * of.reach;
     return mu > edge ? smooth : (mu < -edge ? zero : smooth + cut);
 }

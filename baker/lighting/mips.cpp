@@ -44,7 +44,7 @@ lighting::PrefilterAccuracy accuracy_for(double tolerance, bool certify) {
     const double cluster = 3e-5 * (relative < 1 ? relative * std::sqrt(relative) : relative);
     return {.cluster = cluster,
             .horizon = 4 * cluster,
-            .extent2 = std::clamp(std::cbrt(6 * tolerance), 0.03, 0.5),
+            .extent2 = std::clamp(std::cbrt(tolerance), 0.03, 0.5),
             .interpolation = 1e-3 * std::min(relative < 1 ? relative * relative : relative, 5.0),
             .negligible = (certify ? 1e-7 : 1e-6) * relative,
             .proved = certify ? tolerance : 0};

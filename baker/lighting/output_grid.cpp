@@ -31,8 +31,16 @@ DVec3 OutputTile::towards(double at_x, double at_y) const {
     return {w[0], w[1], w[2]};
 }
 
+void OutputTile::reserve(std::size_t count) {
+    texels.reserve(count);
+    directions.reserve(count);
+    x.reserve(count);
+    y.reserve(count);
+}
+
 std::vector<DVec3> OutputTile::lattice(int rows, int columns) const {
     std::vector<DVec3> points;
+    points.reserve(index(rows * columns));
     for (int r = 0; r < rows; ++r) {
         for (int c = 0; c < columns; ++c) {
             points.push_back(towards(2.0 * c / (columns - 1) - 1, 2.0 * r / (rows - 1) - 1));
@@ -102,6 +110,7 @@ OutputTile OutputGrid::tile(std::size_t i) const {
         tile.v0 = centre(row, size_);
         tile.v1 = centre(row + rows - 1, size_);
         const std::size_t first = i / a_face * index(size_) * index(size_);
+        tile.reserve(index(rows * columns));
         for (int r = row; r < row + rows; ++r) {
             for (int c = column; c < column + columns; ++c) {
                 const double u = centre(c, size_), v = centre(r, size_);
@@ -116,6 +125,7 @@ OutputTile OutputGrid::tile(std::size_t i) const {
         return tile;
     }
     std::vector<DVec2> points;
+    tile.reserve(first_of_tile_[i + 1] - first_of_tile_[i]);
     tile.u0 = tile.v0 = 1;
     tile.u1 = tile.v1 = -1;
     for (std::uint32_t t = first_of_tile_[i]; t < first_of_tile_[i + 1]; ++t) {

@@ -19,6 +19,7 @@ struct OutputTile {
     std::vector<DVec3> directions;      ///< of their centres
     std::vector<double> x, y;           ///< where in the rectangle, each in [-1, 1]
 
+    void reserve(std::size_t count);
     /// The direction at (x, y) of the rectangle.
     DVec3 towards(double at_x, double at_y) const;
     /// rows x columns directions that span the rectangle, its corners among them.

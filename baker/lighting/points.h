@@ -26,15 +26,20 @@ using Lanes = typename LanesOf<S>::Vector;
 template <class S>
 inline constexpr std::size_t kLanes = sizeof(Lanes<S>) / sizeof(S);
 
-/// Values at points in groups of lanes; the last group repeats its last point.
-template <class S>
-inline std::vector<Lanes<S>> in_groups(const std::vector<double>& values) {
-    std::vector<Lanes<S>> groups((values.size() + kLanes<S> - 1) / kLanes<S>);
-    for (std::size_t i = 0; i < groups.size() * kLanes<S>; ++i) {
-        groups[i / kLanes<S>][i % kLanes<S>] =
-            static_cast<S>(values[std::min(i, values.size() - 1)]);
+/// value(i) for `count` points in groups of lanes; the last group repeats its last point.
+template <class S, class Value>
+inline std::vector<Lanes<S>> in_groups(std::size_t count, const Value& value) {
+    std::vector<Lanes<S>> groups((count + kLanes<S> - 1) / kLanes<S>);
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+        for (std::size_t lane = 0; lane < kLanes<S>; ++lane) {
+            groups[g][lane] = static_cast<S>(value(std::min(g * kLanes<S> + lane, count - 1)));
+        }
     }
     return groups;
+}
+template <class S>
+inline std::vector<Lanes<S>> in_groups(const std::vector<double>& values) {
+    return in_groups<S>(values.size(), [&](std::size_t i) { return values[i]; });
 }
 
 /// Directions to evaluate, as they are and counted from an origin that lies among them.
@@ -46,10 +51,8 @@ struct Points {
     Points() = default;
     Points(const std::vector<DVec3>& directions, const DVec3& origin) {
         const auto component = [&](int axis, double less) {
-            std::vector<double> values;
-            values.reserve(directions.size());
-            for (const DVec3& d : directions) values.push_back(d[axis] - less);
-            return in_groups<S>(values);
+            return in_groups<S>(directions.size(),
+                                [&](std::size_t i) { return directions[i][axis] - less; });
         };
         x = component(0, 0);
         y = component(1, 0);

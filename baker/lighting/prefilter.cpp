@@ -129,8 +129,8 @@ class Prefilter {
 
         const Points<S> coarse_points = kSharp ? points : Points<S>(tile.lattice(4, 4), middle);
         Sums<S, kChannels> coarse(coarse_points.groups());
-        walk.front([&](const Sources<S>&, const Sources<S>& far) {
-            add_all(weight_, far, coarse_points, coarse);
+        walk.front([&](Places, const Sources<S>& sources) {
+            add_all(weight_, sources, coarse_points, coarse);
         });
         std::vector<DVec3> arriving;
         for (std::size_t p = 0; p < coarse_points.groups() * kLanes<S>; ++p) {
@@ -144,18 +144,23 @@ class Prefilter {
         Sums<S, kChannels> sums(points.groups());
         if constexpr (std::is_same_v<S, float> && !kSharp) {
             if (interpolate) {
-                Sums<S, kChannels> at_nodes(nodes_per_tile());
-                const Points<S> nodes(nodes_of(tile), middle);
-                walk.refine(arriving, true, [&](const Sources<S>& near, const Sources<S>& far) {
-                    add_all(weight_, near, points, sums);
-                    add_all(weight_, far, nodes, at_nodes);
+                const Points<S> fine_nodes(fine_.nodes_of(tile), middle);
+                const Points<S> coarse_nodes(coarse_.nodes_of(tile), middle);
+                Sums<S, kChannels> at_fine(fine_nodes.groups()), at_coarse(coarse_nodes.groups());
+                walk.refine(arriving, true, [&](Places places, const Sources<S>& sources) {
+                    if (places == Places::Texels) add_all(weight_, sources, points, sums);
+                    if (places == Places::FineNodes) add_all(weight_, sources, fine_nodes, at_fine);
+                    if (places == Places::CoarseNodes)
+                        add_all(weight_, sources, coarse_nodes, at_coarse);
                 });
-                basis_.add_interpolated(at_nodes, in_groups<S>(tile.x), in_groups<S>(tile.y), sums);
+                const auto x = in_groups<S>(tile.x), y = in_groups<S>(tile.y);
+                fine_.add_interpolated(at_fine, x, y, sums);
+                coarse_.add_interpolated(at_coarse, x, y, sums);
             }
         }
         if (!interpolate) {
-            walk.refine(arriving, false, [&](const Sources<S>&, const Sources<S>& far) {
-                add_all(weight_, far, points, sums);
+            walk.refine(arriving, false, [&](Places, const Sources<S>& sources) {
+                add_all(weight_, sources, points, sums);
             });
         }
         arriving.clear();
@@ -166,25 +171,13 @@ class Prefilter {
         return arriving;
     }
 
-    static constexpr std::size_t nodes_per_tile() {
-        return ChebyshevBasis::kCount * ChebyshevBasis::kCount / kLanes<float>;
-    }
-    std::vector<DVec3> nodes_of(const OutputTile& tile) const {
-        std::vector<DVec3> nodes;
-        for (std::size_t a = 0; a < ChebyshevBasis::kCount; ++a) {
-            for (std::size_t b = 0; b < ChebyshevBasis::kCount; ++b) {
-                nodes.push_back(tile.towards(basis_.node(b), basis_.node(a)));
-            }
-        }
-        return nodes;
-    }
-
     const ClusterTree& tree_;
     const PrefilterJob& job_;
     Lobe<S> weight_;
     Tiling tiling_;
     OutputGrid grid_;
-    ChebyshevBasis basis_;
+    ChebyshevBasis<8> fine_;
+    ChebyshevBasis<4> coarse_;
 };
 
 template <template <class> class Lobe, class S>

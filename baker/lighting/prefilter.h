@@ -48,9 +48,9 @@ double base_extent_for(double alpha);
 /// where its image is sharp, and is one cluster elsewhere. Lanes are output points, sources are
 /// broadcast. A tile no wider than the lobe is judged as a whole, by its darkest part and its
 /// nearest point; for sharp lobes on large faces its sources are evaluated at 8 x 8 Chebyshev
-/// points and interpolated, but for those too close or too bright for that. Where texels are
-/// further apart than the lobe is wide, tiles are 4 x 4 and every texel is judged by itself; below
-/// roughness 0.02 in double.
+/// points, the far ones at 4 x 4, and interpolated, but for those too close or too bright for that.
+/// Where texels are further apart than the lobe is wide, tiles are 4 x 4 and every texel is judged
+/// by itself; below roughness 0.02 in double.
 ///
 /// Threads: tiles in parallel; a tile's sum has one order, so the same bits on any number.
 Prefiltered prefilter(const ClusterTree& tree, const PrefilterJob& job, Progress& progress);

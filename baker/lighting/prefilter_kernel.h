@@ -56,18 +56,49 @@ inline Real positive_part(const Real& x) {
     return x > zero ? x : zero;
 }
 
-/// max(0, mu) and its slope, averaged over the extent of a source.
+/// max(0, mu + s) over the extent of a source, s of mean 0: what the cosine of the weight becomes.
 template <class Real>
 struct Cosine {
-    Real mean;
-    Real slope;
+    Real mean;   ///< E max(0, mu + s)
+    Real slope;  ///< of that
 };
 
-/// ... over mu uniform within +- s.
+/// ... of a source that is known by its variance V along d and no more: s uniform within
+/// +-h = sqrt(3 V).
+template <class Real>
+struct SpreadCosine : Cosine<Real> {
+    Real bend;    ///< of the mean with V: where E s^2 is known it is mean + bend (E s^2 - V)
+    Real slope2;  ///< E s max(0, mu + s) / V
+    Real mean2;   ///< E s^2 max(0, mu + s) / V
+};
 template <class Real, class S>
-inline Cosine<Real> cosine_over_interval(const Real& mu, S s) {
-    const Real rise = positive_part<Real>(mu + s) - positive_part<Real>(mu - s);  // 0 .. 2 s
-    return {rise * rise / (S(4) * s) + positive_part<Real>(mu - s), rise / (S(2) * s)};
+inline SpreadCosine<Real> cosine_of_spread(const Real& mu, S variance) {
+    const S h = std::sqrt(S(3) * variance), inverse_h = S(1) / h;
+    const Real one = Real{} + S(1);
+    const Real above = positive_part<Real>(mu - h);
+    Real z = mu * inverse_h;
+    z = z > one ? one : z;
+    z = z < -one ? -one : z;
+    const Real z2 = z * z;
+    return {{above + (S(1) + z) * (S(1) + z) * (h / 4), (S(1) + z) * S(0.5)},
+            (S(1) - z2) * (S(0.375) * inverse_h),
+            z * (S(0.75) - S(0.25) * z2) + S(0.5),
+            above + (z * S(0.5) + z2 * z2 * S(0.125) + S(0.375)) * h};
+}
+
+/// Taylor coefficients of the weight, D max(0, mu), orders 0 to 4.
+template <class Real>
+struct WeightTerms {
+    Real k0, k1, k2, k3, k4;
+};
+template <class Real>
+inline WeightTerms<Real> times(const DensityTerms<Real>& d, const Cosine<Real>& c) {
+    return {d.d0 * c.mean, d.d0 * c.slope + d.d1 * c.mean, d.d1 * c.slope + d.d2 * c.mean,
+            d.d2 * c.slope + d.d3 * c.mean, d.d3 * c.slope + d.d4 * c.mean};
+}
+template <class Real>
+inline WeightTerms<Real> times_cosine(const DensityTerms<Real>& d, const Real& mu) {
+    return {d.d0 * mu, d.d0 + d.d1 * mu, d.d1 + d.d2 * mu, d.d2 + d.d3 * mu, d.d3 + d.d4 * mu};
 }
 
 /// ... over mu + x p + y q, x and y uniform in [-1, 1]: the box spline of the two sides, a third
@@ -101,13 +132,17 @@ inline void add_cluster(const Weight& weight, const ClusterMoments<S>& n, const 
     const Real x = dx - n.centre[0], y = dy - n.centre[1], z = dz - n.centre[2];
     const Real u = (x * x + y * y + z * z) * S(0.5) + n.variance;
     const Real mu = S(1) - u;
-    Real cosine = mu, slope = Real{} + S(1);
+    const DensityTerms<Real> d = weight.terms(u);
+    WeightTerms<Real> k;
     if constexpr (kHorizon) {
-        const Cosine<Real> c = cosine_over_interval<Real, S>(mu, std::sqrt(S(3) * n.variance));
-        cosine = c.mean;
-        slope = c.slope;
+        // The second moment, which is exact, is the kink's too: it takes the place of V there.
+        const SpreadCosine<Real> c = cosine_of_spread<Real, S>(mu, n.variance);
+        k = times<Real>(d, c);
+        k.k0 -= d.d0 * c.bend * n.variance;
+        k.k2 = d.d0 * c.bend + d.d1 * c.slope2 + d.d2 * c.mean2;
+    } else {
+        k = times_cosine(d, mu);
     }
-    const WeightTerms<Real> k = weight.template terms<Real>(u, cosine, slope);
     const Real spread = u * (S(2) - u) * n.variance;  // T
     const Real zeroth =
         k.k0 + spread * (k.k4 * spread * S(2.1) - mu * k.k3 * (S(1.2) * n.variance));
@@ -132,14 +167,14 @@ inline void add_patch(const Weight& weight, const PatchMoments<S>& n, const Real
     const Real mu = S(1) - u;
     const Real p = x * n.half_a[0] + y * n.half_a[1] + z * n.half_a[2] + n.slope_a;
     const Real q = x * n.half_b[0] + y * n.half_b[1] + z * n.half_b[2] + n.slope_b;
-    Real cosine = mu, slope = Real{} + S(1);
+    const DensityTerms<Real> d = weight.terms(u);
+    WeightTerms<Real> k;
     if constexpr (kHorizon) {
-        const Cosine<Real> c = cosine_over_parallelogram<Real, S>(mu, p > Real{} ? p : -p,
-                                                                  q > Real{} ? q : -q, S(1e-9));
-        cosine = c.mean;
-        slope = c.slope;
+        k = times(d, cosine_over_parallelogram<Real, S>(mu, p > Real{} ? p : -p,
+                                                        q > Real{} ? q : -q, S(1e-9)));
+    } else {
+        k = times_cosine(d, mu);
     }
-    const WeightTerms<Real> k = weight.template terms<Real>(u, cosine, slope);
     const Real p2 = p * p, q2 = q * q;
     const Real second = (p2 + q2) * S(1.0 / 3) + n.radial;
     const Real third = mu * (p2 * n.bulge_a + q2 * n.bulge_b);

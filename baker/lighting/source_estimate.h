@@ -3,7 +3,14 @@
 
 #include "baker/lighting/source_view.h"
 
+#include <array>
+
 namespace envbake::lighting {
+
+/// Where sources are evaluated: at every texel of the tile, or at the nodes of one of two
+/// ChebyshevBasis, to be interpolated.
+enum class Places { Texels, FineNodes, CoarseNodes };
+inline constexpr std::array kAllPlaces{Places::Texels, Places::FineNodes, Places::CoarseNodes};
 
 /// What one source adds to the error of a texel, relative to what the texel receives, or the
 /// darkest of the disc.
@@ -14,7 +21,7 @@ struct SourceEstimate {
     Real kink;           ///< of the horizon across it
     Real interpolation;  ///< within the tile, where it is interpolated
     bool accepted;
-    bool direct;  ///< too sharp to be interpolated
+    Places places;  ///< the fewest at which it is known well enough
 };
 
 /// Smooth content errs with one sign, so those are summed; the others err either way.
@@ -28,7 +35,7 @@ struct EstimateSums {
         core += e.core * part;
         curvature += e.curvature * part;
         kink2 += e.kink * e.kink * (part * part);
-        if (!e.direct) interpolation2 += e.interpolation * e.interpolation * (part * part);
+        interpolation2 += e.interpolation * e.interpolation * (part * part);
     }
     /// Calibrated against brute force, factor by factor, on photographs, synthetic skies and noise.
     template <class Lobe>

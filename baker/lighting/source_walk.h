@@ -10,6 +10,7 @@
 #include "baker/lighting/source_view.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -61,8 +62,7 @@ PatchMoments<S> moments_of(const SourcePatch& p, const DVec3& radiance, const DV
 ///
 /// First the coarse front, whose sum tells what the tile receives; then refine() opens the front
 /// until the estimated error of every source is below the tolerance, relative to that. Sources are
-/// handed over some thousands at a time, emit(near, far); `near` are too sharp to be interpolated
-/// within the tile.
+/// handed over some thousands at a time, emit(places, sources).
 ///
 /// Base blocks that were opened are kept for the next tile, up to kOpenedNodes.
 template <template <class> class Lobe, class S, class View>
@@ -75,7 +75,9 @@ class SourceWalk {
           weight_(weight),
           inverse_axis_(1 / weight_.nearby(S(0)).envelope),
           inverse_core2_(weight_.nearby(S(0)).inverse_length2),
-          most_core_(static_cast<S>(std::pow(accuracy.extent2, 3))),
+          // The few and large blocks under a wide tail err alike, and are cheap to halve.
+          most_core_(static_cast<S>(std::pow(
+              accuracy.extent2 * (!Lobe<S>::kTailEnds && weight.core() > 0.3 ? 0.6 : 1), 3))),
           channels_(channels),
           accuracy_(accuracy) {}
 
@@ -90,13 +92,13 @@ class SourceWalk {
         estimates_.assign(view.groups(), {});
         accepted_.resize(view.groups());
         bounds_.resize(view.groups());
-        near_.clear();
-        far_.clear();
+        for (Sources<S>& sources : accepted_for_) sources.clear();
         const std::size_t lanes = sizeof(Real) / sizeof(S);
         relate_to(std::vector<DVec3>(view.groups() * lanes, tree_.mean()));
     }
 
-    /// The coarse front: sources no larger than their distance, or than the lobe. All are `far`.
+    /// The coarse front: sources no larger than their distance, or than the lobe. All are for the
+    /// texels.
     template <class Emit>
     void front(const Emit& emit) {
         coarse_ = true;
@@ -116,7 +118,8 @@ class SourceWalk {
             if (whole) {
                 const bool horizon = std::abs(along) < radius_ + S(n.radius);
                 const ClusterMoments<float>& m = clusters_of(v).moments[v.node];
-                (horizon ? far_.horizon_clusters : far_.clusters).push_back(&m);
+                Sources<S>& to = sources_for(Places::Texels);
+                (horizon ? to.horizon_clusters : to.clusters).push_back(&m);
                 hand_over_many(emit);
             } else {
                 open(v, emit);
@@ -159,9 +162,9 @@ class SourceWalk {
                               .irregular = -1,
                               .cut = horizon ? S(0.15) * std::sqrt(3 * S(n.variance)) : S(0),
                               .horizon = horizon};
-            bool direct = false;
-            if (accept(shape, direct)) {
-                Sources<S>& to = direct ? near_ : far_;
+            Places places = Places::Texels;
+            if (accept(shape, places)) {
+                Sources<S>& to = sources_for(places);
                 (horizon ? to.horizon_clusters : to.clusters)
                     .push_back(&clusters_of(v).moments[v.node]);
                 hand_over_many(emit);
@@ -225,8 +228,14 @@ class SourceWalk {
     const Clusters& clusters_of(const Visit& v) const {
         return v.in ? v.in->clusters : tree_.clusters();
     }
+    Sources<S>& sources_for(Places places) {
+        return accepted_for_[static_cast<std::size_t>(places)];
+    }
     void push(OpenedBlock* in, std::uint32_t node) {
-        if (in) tree_.finish(*in, node);
+        if (in)
+            tree_.finish(*in, node);
+        else
+            __builtin_prefetch(&tree_.clusters().nodes[node]);
         stack_.push_back({in, node});
     }
 
@@ -253,9 +262,10 @@ class SourceWalk {
     template <class Emit>
     [[gnu::noinline]] void hand_over(const Emit& emit) {
         pending_ = 0;
-        emit(std::as_const(near_), std::as_const(far_));
-        near_.clear();
-        far_.clear();
+        for (const Places places : kAllPlaces) {
+            emit(places, std::as_const(sources_for(places)));
+            sources_for(places).clear();
+        }
     }
 
     template <class Emit>
@@ -421,7 +431,7 @@ class SourceWalk {
                                .kink = kink,
                                .interpolation = Real{},
                                .accepted = false,
-                               .direct = false};
+                               .places = Places::Texels};
         // The sources of the lobe's core are many and err alike: no share of theirs is small
         // enough, so their extent has a limit of its own.
         e.accepted = coarse_ ? !any(core > kFrontCore)
@@ -429,24 +439,33 @@ class SourceWalk {
                                    !any(curvature > S(accuracy_.cluster));
         if constexpr (kDisc) {
             if (e.accepted && interpolate_) {
-                // A kink is interpolated to half_width / (2 n), n = 8 points.
-                if (source.horizon) e.interpolation = S(5.0 / 8) * w_horizon * half_width_;
-                e.interpolation =
-                    std::max(e.interpolation, share * weight_.missed(nearby, half_width_));
-                e.direct = e.interpolation > S(accuracy_.interpolation);
+                // A kink is interpolated to half_width / (2 n) between n points.
+                const S kinked = source.horizon ? 5 * w_horizon * half_width_ : S(0);
+                const Missed<S> missed = weight_.missed(nearby, half_width_);
+                const S coarse = std::max(kinked / 4, share * missed.coarse);
+                const S fine = std::max(kinked / 8, share * missed.fine);
+                const S most = S(accuracy_.interpolation);
+                // The far sources, which are the most: 0.02 of what is allowed one that is near.
+                if (coarse <= S(0.02) * most) {
+                    e.places = Places::CoarseNodes;
+                    e.interpolation = coarse;
+                } else if (fine <= most) {
+                    e.places = Places::FineNodes;
+                    e.interpolation = fine;
+                }
             }
         }
         return e;
     }
 
     /// Whether a source is good enough from everywhere; if so its estimates are added up.
-    [[gnu::always_inline]] bool accept(const Shape& source, bool& direct, bool last = false) {
+    [[gnu::always_inline]] bool accept(const Shape& source, Places& places, bool last = false) {
         if constexpr (!kDisc) {
             if (accuracy_.proved > 0 && !coarse_) return accept_by_bound(source, last);
         }
         if constexpr (kDisc) {
             const SourceEstimate<Real> e = estimate(source, 0);
-            direct = e.direct;
+            places = e.places;
             if (e.accepted && !coarse_) estimates_[0].add(e, source.part);
             return e.accepted;
         }
@@ -513,11 +532,11 @@ class SourceWalk {
                           .horizon = horizon};
         const bool straight = patch.bend <= kLargestBend;
         const bool flat = straight && patch.extent <= kLargestPatch;
-        bool direct = false;
+        Places places = Places::Texels;
         const bool last = depth >= kDeepestSplit;
-        const bool accepted = (flat || last) && accept(shape, direct, last);
+        const bool accepted = (flat || last) && accept(shape, places, last);
         if (accepted || last) {
-            Sources<S>& to = direct ? near_ : far_;
+            Sources<S>& to = sources_for(places);
             (horizon ? to.horizon_patches : to.patches)
                 .push_back(moments_of<S>(patch, radiance, origin_));
             return;
@@ -554,7 +573,7 @@ class SourceWalk {
     std::unordered_map<std::uint32_t, OpenedBlock> opened_;
     std::size_t opened_nodes_ = 0;
     std::size_t pending_ = 0;  ///< sources not handed over yet, about
-    Sources<S> near_, far_;
+    std::array<Sources<S>, kAllPlaces.size()> accepted_for_;
 };
 
 }  // namespace envbake::lighting

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "baker/lighting/output_grid.h"
 #include "baker/lighting/points.h"
 #include "baker/lighting/prefilter_kernel.h"
 #include "baker/lighting/source_walk.h"
@@ -36,15 +37,32 @@ struct Sums {
     }
 };
 
-template <class S, int kChannels, class Add>
-inline void for_each_group(const std::vector<Lanes<S>>& x, const std::vector<Lanes<S>>& y,
-                           const std::vector<Lanes<S>>& z, Sums<S, kChannels>& sums,
-                           const Add& add) {
-    for (std::size_t g = 0; g < x.size(); ++g) {
-        Lanes<S> sum[kChannels];
-        for (std::size_t k = 0; k < kChannels; ++k) sum[k] = sums.channel[k][g];
-        add(x[g], y[g], z[g], sum);
-        for (std::size_t k = 0; k < kChannels; ++k) sums.channel[k][g] = sum[k];
+/// Moments lie anywhere in the tree.
+inline void prefetch(const ClusterMoments<float>* moments) {
+    const char* bytes = reinterpret_cast<const char*>(moments);
+    for (std::size_t at = 0; at < sizeof *moments; at += 64) __builtin_prefetch(bytes + at);
+}
+
+/// Adds what all of `sources` give to every point, add(source, x, y, z, sum). What belongs to a
+/// point stays in registers, and some sources at a time in the nearest cache.
+template <class S, int kChannels, class Source, class Add>
+inline void add_each(const std::vector<Source>& sources, const std::vector<Lanes<S>>& x,
+                     const std::vector<Lanes<S>>& y, const std::vector<Lanes<S>>& z,
+                     Sums<S, kChannels>& sums, const Add& add) {
+    constexpr std::size_t kAtATime = 64;
+    for (std::size_t first = 0; first < sources.size(); first += kAtATime) {
+        const std::size_t end = std::min(first + kAtATime, sources.size());
+        for (std::size_t g = 0; g < x.size(); ++g) {
+            Lanes<S> sum[kChannels];
+            for (std::size_t k = 0; k < kChannels; ++k) sum[k] = sums.channel[k][g];
+            const Lanes<S> gx = x[g], gy = y[g], gz = z[g];
+            for (std::size_t i = first; i < end; ++i) {
+                if constexpr (std::is_pointer_v<Source>)
+                    prefetch(sources[std::min(i + 4, end - 1)]);
+                add(sources[i], gx, gy, gz, sum);
+            }
+            for (std::size_t k = 0; k < kChannels; ++k) sums.channel[k][g] = sum[k];
+        }
     }
 }
 
@@ -53,21 +71,16 @@ template <class S, int kChannels, class Weight>
 void add_all(const Weight& weight, const Sources<S>& sources, const Points<S>& points,
              Sums<S, kChannels>& sums) {
     const auto add_clusters = [&](const auto& clusters, auto horizon) {
-        for (const ClusterMoments<float>* stored : clusters) {
-            const auto m = in_precision<S>(*stored);
-            for_each_group(points.x, points.y, points.z, sums,
-                           [&](const auto& x, const auto& y, const auto& z, Lanes<S>* s) {
-                               add_cluster<horizon, kChannels>(weight, m, x, y, z, s);
-                           });
-        }
+        add_each(clusters, points.x, points.y, points.z, sums,
+                 [&](const ClusterMoments<float>* m, const auto& x, const auto& y, const auto& z,
+                     Lanes<S>* sum) {
+                     add_cluster<horizon, kChannels>(weight, in_precision<S>(*m), x, y, z, sum);
+                 });
     };
     const auto add_patches = [&](const auto& patches, auto horizon) {
-        for (const PatchMoments<S>& m : patches) {
-            for_each_group(points.from_x, points.from_y, points.from_z, sums,
-                           [&](const auto& x, const auto& y, const auto& z, Lanes<S>* s) {
-                               add_patch<horizon, kChannels>(weight, m, x, y, z, s);
-                           });
-        }
+        add_each(patches, points.from_x, points.from_y, points.from_z, sums,
+                 [&](const PatchMoments<S>& m, const auto& x, const auto& y, const auto& z,
+                     Lanes<S>* sum) { add_patch<horizon, kChannels>(weight, m, x, y, z, sum); });
     };
     add_clusters(sources.clusters, std::false_type{});
     add_clusters(sources.horizon_clusters, std::true_type{});
@@ -75,11 +88,10 @@ void add_all(const Weight& weight, const Sources<S>& sources, const Points<S>& p
     add_patches(sources.horizon_patches, std::true_type{});
 }
 
-/// Lagrange interpolation from 8 Chebyshev points of [-1, 1].
+/// Lagrange interpolation from Chebyshev points of [-1, 1].
+template <std::size_t kCount>
 class ChebyshevBasis {
   public:
-    static constexpr std::size_t kCount = 8;
-
     ChebyshevBasis() {
         for (std::size_t b = 0; b < kCount; ++b) {
             nodes_[b] = -std::cos(std::numbers::pi * (static_cast<double>(b) + 0.5) / kCount);
@@ -93,7 +105,15 @@ class ChebyshevBasis {
         }
     }
 
-    double node(std::size_t b) const { return nodes_[b]; }
+    /// The nodes of a tile, [y][x].
+    std::vector<DVec3> nodes_of(const OutputTile& tile) const {
+        std::vector<DVec3> nodes;
+        nodes.reserve(kCount * kCount);
+        for (const double y : nodes_) {
+            for (const double x : nodes_) nodes.push_back(tile.towards(x, y));
+        }
+        return nodes;
+    }
 
     /// The basis at x: basis[b] is 1 at node b and 0 at the others.
     std::array<Float16, kCount> at(const Float16& x) const {
@@ -110,8 +130,7 @@ class ChebyshevBasis {
         return basis;
     }
 
-    /// Adds to `sums` at places (x, y) what `values` at the nodes, [y node][x node], interpolate
-    /// to.
+    /// Adds to `sums` at places (x, y) what `values` at the nodes interpolate to.
     template <int kChannels>
     void add_interpolated(const Sums<float, kChannels>& values, const std::vector<Float16>& x,
                           const std::vector<Float16>& y, Sums<float, kChannels>& sums) const {
