@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <span>
 
 namespace envbake {
 
@@ -16,17 +17,33 @@ namespace {
 
 using std::numbers::pi;
 
-std::vector<DVec3> fibonacci_cosine_directions(int count) {
+constexpr int kPilotStride = 4;
+
+/// Number k of the spiral, 0 <= k < count.
+DVec3 fibonacci_cosine_direction(int k, int count) {
     const double golden_angle = pi * (3 - std::sqrt(5.0));
-    std::vector<DVec3> directions;
-    for (int k = 0; k < count; ++k) {
-        const double r2 = (k + 0.5) / count;
-        const double r = std::sqrt(r2), phi = golden_angle * k;
-        directions.emplace_back(r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - r2));
-    }
+    const double r2 = (k + 0.5) / count;
+    const double r = std::sqrt(r2), phi = golden_angle * k;
+    return {r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - r2)};
+}
+
+void sort_along_z_curve(std::span<DVec3> directions) {
     std::sort(directions.begin(), directions.end(), [](const DVec3& a, const DVec3& b) {
         return morton2((a.x + 1) / 2, (a.y + 1) / 2) < morton2((b.x + 1) / 2, (b.y + 1) / 2);
     });
+}
+
+std::vector<DVec3> ordered_directions(int count, int pilot_count) {
+    std::vector<DVec3> directions;
+    if (pilot_count > 0)
+        for (int k = 0; k < count; k += kPilotStride)
+            directions.push_back(fibonacci_cosine_direction(k, count));
+    for (int k = 0; k < count; ++k)
+        if (pilot_count == 0 || k % kPilotStride != 0)
+            directions.push_back(fibonacci_cosine_direction(k, count));
+    const auto pilot = static_cast<std::size_t>(pilot_count);
+    sort_along_z_curve(std::span(directions).first(pilot));
+    sort_along_z_curve(std::span(directions).subspan(pilot));
     return directions;
 }
 
@@ -99,18 +116,16 @@ std::vector<double> exact_weights(const std::vector<DVec3>& directions, int band
     return weights;
 }
 
-int round_up_to_packets(double count) {
-    return std::max(1, static_cast<int>(std::ceil(count / 16))) * 16;
-}
-
 }  // namespace
 
-RaySet make_ray_set(int ray_count, int bands) {
+RaySet make_ray_set(int ray_count, int bands, bool with_pilot) {
+    const int multiple = with_pilot ? 16 * kPilotStride : 16;
     double wanted = ray_count;
     for (;; wanted *= 1.25) {
-        const int count = round_up_to_packets(wanted);
+        const int count = std::max(1, static_cast<int>(std::ceil(wanted / multiple))) * multiple;
         if (count < sh::coeff_count(bands)) continue;
-        const std::vector<DVec3> directions = fibonacci_cosine_directions(count);
+        const int pilot_count = with_pilot ? count / kPilotStride : 0;
+        const std::vector<DVec3> directions = ordered_directions(count, pilot_count);
         const std::vector<double> weights = exact_weights(directions, bands);
         const double smallest = *std::min_element(weights.begin(), weights.end());
         if (!(smallest >= 0)) continue;
@@ -118,6 +133,7 @@ RaySet make_ray_set(int ray_count, int bands) {
         RaySet set;
         set.bands = bands;
         set.ray_count = count;
+        set.pilot_packets = static_cast<std::size_t>(pilot_count / 16);
         set.smallest_relative_weight = smallest * count;
         set.directions.resize(directions.size() / 16);
         set.weights.resize(directions.size() / 16);
