@@ -22,7 +22,7 @@ constexpr double kScatter = 0.85, kPriorSamples = 10;
 /// Measured: 99th percentile of the square 10 to 30 times the mean.
 constexpr double kSolvedPerMissed = 10;
 /// Standard errors that are added.
-constexpr double kMargin = 1.5;
+constexpr double kMargin = 2;
 
 /// bands^2 / |T_unoccluded|^2, up to a constant.
 double norm_of_a_ray(int bands) {

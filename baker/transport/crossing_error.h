@@ -47,7 +47,7 @@ struct ErrorEstimate {
     double rms = 0;   ///< over all vertices
     double p999 = 0;  ///< 99.9th percentile over all vertices
 };
-/// Of a whole mesh. The mean square gets 1.5 standard errors added, of the fit and of the vertices'
+/// Of a whole mesh. The mean square gets two standard errors added, of the fit and of the vertices'
 /// own scatter.
 ///   histogram  [c] vertices with c crossings; what is not in it has no error
 ///   all        vertices of the mesh

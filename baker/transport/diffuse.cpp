@@ -40,8 +40,6 @@ constexpr int kFewestPilotRays = 48;
 /// the vertices that are baked twice.
 enum Stage : std::uint64_t { kResultTurns = 0x646966, kSecondTurns, kSampleChoice };
 
-enum class Kind : std::uint8_t { Unreferenced, Merged, Free, Traced };
-
 double unoccluded_norm(int bands) {
     double sum = 0;
     for (int l = 0; l < bands; ++l) {
@@ -73,12 +71,12 @@ class DiffuseBake {
                                 Progress& progress);
 
   private:
-    void classify();
+    void count_copies();
     void choose_rays();
-    std::vector<std::uint32_t> choose_sample() const;
+    bool choose_sample();
     std::vector<BakedTwice> bake_twice(const RaySet& set, std::span<const std::uint32_t> sample);
-    double mean_square(const CrossingError& error, std::span<const std::uint32_t> sample,
-                       std::span<const BakedTwice> baked) const;
+    double mean_square(const CrossingError& error, std::span<const BakedTwice> baked) const;
+    bool is_open(const RayOrigin& origin) const;
     Traced bake_row(std::uint32_t vertex, std::span<float> row) const;
     double random(std::uint32_t vertex, Stage stage) const;
 
@@ -87,8 +85,9 @@ class DiffuseBake {
     const Mesh& mesh_;
     std::size_t coeffs_;
     SurfacePoints points_;
-    std::vector<Kind> kinds_;
     std::vector<std::uint32_t> copies_;  ///< of each representative, itself included
+    std::vector<std::uint32_t> sample_;  ///< some of those that need rays
+    double traced_share_ = 0;            ///< of all vertices, by the sample
     RaySet set_;
     CrossingError error_;
     DiffuseReport report_;
@@ -106,51 +105,49 @@ double DiffuseBake::random(std::uint32_t vertex, Stage stage) const {
     return RandomStream(job_.seed, stage, key).next();
 }
 
-/// Sorts every vertex into its kind and counts.
-void DiffuseBake::classify() {
+void DiffuseBake::count_copies() {
     const std::size_t count = points_.size();
-    kinds_.resize(count);
-    parallel_for((count + kBlock - 1) / kBlock, [&](std::size_t block) {
-        const std::size_t end = std::min((block + 1) * kBlock, count);
-        for (std::size_t v = block * kBlock; v < end; ++v) {
-            const std::uint32_t place = points_.representative(v);
-            if (place == SurfacePoints::kNone)
-                kinds_[v] = Kind::Unreferenced;
-            else if (place != v)
-                kinds_[v] = Kind::Merged;
-            else if (!job_.shadowed ||
-                     is_free(points_.origin(place, tracer_.space()), tracer_.half_spaces()))
-                kinds_[v] = Kind::Free;
-            else
-                kinds_[v] = Kind::Traced;
-        }
-    });
     report_.vertex_count = count;
     copies_.assign(count, 0);
     for (std::size_t v = 0; v < count; ++v) {
-        report_.unreferenced_count += kinds_[v] == Kind::Unreferenced;
-        report_.merged_count += kinds_[v] == Kind::Merged;
-        report_.free_count += kinds_[v] == Kind::Free;
-        report_.traced_count += kinds_[v] == Kind::Traced;
-        if (kinds_[v] != Kind::Unreferenced) ++copies_[points_.representative(v)];
+        const std::uint32_t place = points_.representative(v);
+        report_.unreferenced_count += place == SurfacePoints::kNone;
+        if (place == SurfacePoints::kNone) continue;
+        report_.merged_count += place != v;
+        ++copies_[place];
     }
 }
 
-/// Traced places at random, in an order that does not depend on that of the vertices.
-std::vector<std::uint32_t> DiffuseBake::choose_sample() const {
-    // Each of the sample costs as much as two vertices, and what a sample of S leaves unknown of
-    // the mean square, 0.85 / sqrt(S), costs rays as well: for most meshes this is near the least.
-    const std::size_t count = std::clamp<std::size_t>(
-        report_.traced_count / 96, std::min<std::size_t>(report_.traced_count / 12 + 2, 64), 512);
+bool DiffuseBake::is_open(const RayOrigin& origin) const {
+    return !job_.shadowed || is_free(origin, tracer_.half_spaces());
+}
+
+/// Places at random, in an order that does not depend on that of the vertices. False where every
+/// place was looked at and none needs rays.
+bool DiffuseBake::choose_sample() {
     std::vector<std::pair<double, std::uint32_t>> places;
     for (std::uint32_t v = 0; v < points_.size(); ++v)
-        if (kinds_[v] == Kind::Traced) places.emplace_back(random(v, kSampleChoice), v);
-    const std::size_t taken = std::min(count, places.size());
-    std::partial_sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(taken),
+        if (copies_[v] > 0) places.emplace_back(random(v, kSampleChoice), v);
+    // Each of the sample costs as much as two vertices, and what a sample of S leaves unknown of
+    // the mean square, 0.85 / sqrt(S), costs rays as well: for most meshes this is near the least.
+    const std::size_t wanted = std::clamp<std::size_t>(
+        places.size() / 96, std::min<std::size_t>(places.size() / 12 + 2, 64), 512);
+    const std::size_t looked_at = std::min(8 * wanted, places.size());  // most may be free
+    std::partial_sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(looked_at),
                       places.end());
-    std::vector<std::uint32_t> sample;
-    for (std::size_t i = 0; i < taken; ++i) sample.push_back(places[i].second);
-    return sample;
+    double traced = 0, seen = 0;
+    for (std::size_t i = 0; i < looked_at && sample_.size() < wanted; ++i) {
+        const std::uint32_t vertex = places[i].second;
+        seen += copies_[vertex];
+        if (is_open(points_.origin(vertex, tracer_.space()))) continue;
+        traced += copies_[vertex];
+        sample_.push_back(vertex);
+    }
+    if (traced > 0)
+        traced_share_ = traced / seen *
+                        (1 - static_cast<double>(report_.unreferenced_count) /
+                                 static_cast<double>(points_.size()));
+    return !sample_.empty() || looked_at < places.size();
 }
 
 /// The sample as the result will be, and each again with a turn of its own, never stopped: the
@@ -180,46 +177,42 @@ std::vector<BakedTwice> DiffuseBake::bake_twice(const RaySet& set,
     return baked;
 }
 
-/// Expected mean square error of the whole mesh, by the crossings of the sample.
-double DiffuseBake::mean_square(const CrossingError& error, std::span<const std::uint32_t> sample,
+/// Expected mean square error of the whole mesh, by the crossings of the first of the sample.
+double DiffuseBake::mean_square(const CrossingError& error,
                                 std::span<const BakedTwice> baked) const {
-    double sum = 0, weights = 0, traced_with_copies = 0;
-    for (std::size_t i = 0; i < sample.size(); ++i) {
-        const double weight = copies_[sample[i]];
+    double sum = 0, weights = 0;
+    for (std::size_t i = 0; i < baked.size(); ++i) {
+        const double weight = copies_[sample_[i]];
         const int crossings = baked[i].crossings;
         sum += weight * (crossings == 0 ? error.solved : error.per_crossing * crossings);
         weights += weight;
     }
-    for (std::size_t v = 0; v < copies_.size(); ++v)
-        if (kinds_[v] == Kind::Traced) traced_with_copies += copies_[v];
-    return sum / weights * traced_with_copies / static_cast<double>(report_.vertex_count);
+    return sum / weights * traced_share_;
 }
 
 /// Fixes the ray set and what one crossing of its rays says of the error.
 void DiffuseBake::choose_rays() {
-    const std::vector<std::uint32_t> sample = choose_sample();
     const int first_guess = expected_rays_per_vertex(job_);
-    if (job_.rays_per_vertex > 0) {
+    if (job_.rays_per_vertex > 0 || sample_.empty()) {
         set_ = make_ray_set(first_guess, job_.bands);
         error_ = fit_error(CrossingError::expected(set_.ray_count, false, job_.bands),
-                           bake_twice(set_, sample));
+                           bake_twice(set_, sample_));
         return;
     }
 
     // The aim is a little below the tolerance, for what the sample does not know of the mesh.
     constexpr double kAim = 0.98;
     const auto rays_needed = [&](const RaySet& set, const CrossingError& error,
-                                 std::span<const std::uint32_t> places,
                                  std::span<const BakedTwice> baked, double samples) {
         const double stated =
-            mean_square(error, places, baked) *
-            standard_error_factor(samples, static_cast<double>(report_.traced_count));
+            mean_square(error, baked) *
+            standard_error_factor(samples, traced_share_ * static_cast<double>(points_.size()));
         const double aim = kAim * job_.tolerance;
         return scaled_rays(set.ray_count, rays_for_variance(aim * aim / stated));
     };
 
     // Few vertices tell about how many rays the mesh needs, and whether many are solved by a pilot.
-    const auto few = std::span(sample).first(std::min<std::size_t>(sample.size(), 64));
+    const auto few = std::span(sample_).first(std::min<std::size_t>(sample_.size(), 64));
     RaySet set = make_ray_set(first_guess, job_.bands, true);
     std::vector<BakedTwice> baked = bake_twice(set, few);
     const auto solved = std::count_if(baked.begin(), baked.end(),
@@ -228,17 +221,17 @@ void DiffuseBake::choose_rays() {
         static_cast<double>(solved) > kSolvedShareThatPays * static_cast<double>(few.size());
     const CrossingError rough =
         fit_error(CrossingError::expected(set.ray_count, true, job_.bands), baked);
-    int rays = rays_needed(set, rough, few, baked,
-                           rough.samples + static_cast<double>(sample.size() - few.size()));
+    int rays = rays_needed(set, rough, baked,
+                           rough.samples + static_cast<double>(sample_.size() - few.size()));
 
     // The whole sample, at a count so near to the final one that the law bridges the difference.
     bool with_pilot = false;
     for (int round = 0; round < 3; ++round) {
         with_pilot = many_solved && rays >= 4 * kFewestPilotRays;
         set = make_ray_set(rays, job_.bands, with_pilot);
-        baked = bake_twice(set, sample);
+        baked = bake_twice(set, sample_);
         error_ = fit_error(CrossingError::expected(set.ray_count, with_pilot, job_.bands), baked);
-        rays = rays_needed(set, error_, sample, baked, error_.samples);
+        rays = rays_needed(set, error_, baked, error_.samples);
         if (std::abs(std::log(static_cast<double>(rays) / set.ray_count)) < std::log(1.3)) break;
     }
     set_ = make_ray_set(rays, job_.bands, with_pilot);
@@ -247,7 +240,7 @@ void DiffuseBake::choose_rays() {
 
 Traced DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row) const {
     const RayOrigin origin = points_.origin(vertex, tracer_.space());
-    if (kinds_[vertex] == Kind::Traced)
+    if (!is_open(origin))
         return visible_transport(set_, tracer_, origin, 2 * pi * random(vertex, kResultTurns), row);
     std::array<double, sh::coeff_count(sh::kMaxBundleBands)> exact;
     unoccluded_transport(job_.bands, origin.normal, exact);
@@ -257,15 +250,19 @@ Traced DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row) const {
 
 Expected<DiffuseReport> DiffuseBake::run(
     const std::function<Expected<void>(std::span<const float>)>& sink, Progress& progress) {
-    classify();
-    if (report_.traced_count > 0) choose_rays();
+    count_copies();
+    if (job_.shadowed && choose_sample()) choose_rays();
     report_.rays_per_vertex = set_.ray_count;
     std::vector<std::uint64_t> histogram(static_cast<std::size_t>(set_.ray_count) + 1, 0);
 
     const std::size_t count = points_.size();
+    const auto is_copy = [&](std::size_t v) {
+        const std::uint32_t place = points_.representative(v);
+        return place != SurfacePoints::kNone && place != v;
+    };
     std::vector<std::uint32_t> last_copy(count, 0);  // of each representative
     for (std::uint32_t v = 0; v < count; ++v)
-        if (kinds_[v] == Kind::Merged) last_copy[points_.representative(v)] = v;
+        if (is_copy(v)) last_copy[points_.representative(v)] = v;
 
     std::vector<float> rows(std::min(kHandOver, count) * coeffs_);
     std::vector<Traced> traced(std::min(kHandOver, count));
@@ -279,21 +276,22 @@ Expected<DiffuseReport> DiffuseBake::run(
             const std::size_t first = begin + block * kBlock;
             const std::size_t end = std::min(first + kBlock, begin + size);
             for (std::size_t v = first; v < end; ++v) {
-                if (kinds_[v] == Kind::Unreferenced)
+                if (points_.representative(v) == SurfacePoints::kNone)
                     std::fill(row(v).begin(), row(v).end(), 0.0f);
-                else if (kinds_[v] != Kind::Merged)
+                else if (!is_copy(v))
                     traced[v - begin] = bake_row(static_cast<std::uint32_t>(v), row(v));
             }
             progress.add(end - first);
         });
         for (std::size_t v = begin; v < begin + size; ++v) {
-            if (kinds_[v] == Kind::Traced) {
-                const Traced& t = traced[v - begin];
+            const Traced& t = traced[v - begin];
+            if (copies_[v] > 0) ++(t.rays > 0 ? report_.traced_count : report_.free_count);
+            if (copies_[v] > 0 && t.rays > 0) {
                 histogram[static_cast<std::size_t>(t.crossings)] += copies_[v];
                 report_.ray_count += static_cast<std::uint64_t>(t.rays);
                 report_.solved_count += t.solved;
             }
-            if (kinds_[v] == Kind::Merged) {
+            if (is_copy(v)) {
                 const std::uint32_t place = points_.representative(v);
                 const std::span<const float> source =
                     place >= begin ? row(place) : std::span<float>(kept.at(place));

@@ -33,7 +33,7 @@ struct DiffuseReport {
     int rays_per_vertex = 0;            ///< of the traced ones that were not solved
 
     /// Relative as DiffuseJob::tolerance, rms over all vertices: told from every vertex' own rays
-    /// (CrossingError) by a scale that a sample of vertices, baked twice, gives; plus 1.5 standard
+    /// (CrossingError) by a scale that a sample of vertices, baked twice, gives; plus two standard
     /// errors. Vertices that need no rays count as 0.
     double error_rms = 0;
     double error_p999 = 0;  ///< 99.9th percentile over all vertices, by the same

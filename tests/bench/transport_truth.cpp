@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/transport_truth.h"
 
+#include "baker/core/parallel.h"
+
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <random>
 
@@ -145,6 +149,31 @@ std::vector<double> TransportTruth::at(const RayOrigin& origin, const Tracer& tr
             blocked[c] = zonal_[static_cast<std::size_t>(l)] * y[c] - blocked[c];
         }
     return blocked;
+}
+
+std::vector<Place> random_places(const Scene& scene, std::size_t count) {
+    std::vector<Place> all, places;
+    for (std::size_t m = 0; m < scene.meshes.size(); ++m)
+        for (std::uint32_t v = 0; v < scene.meshes[m].vertex_count(); ++v) all.push_back({m, v});
+    std::sample(all.begin(), all.end(), std::back_inserter(places), count, std::mt19937(1));
+    return places;
+}
+
+std::vector<std::vector<double>> find_truth(int bands, const Scene& scene, const Tracer& tracer,
+                                            const std::vector<Place>& places, int log_rays) {
+    const TransportTruth truth(bands);
+    std::vector<SurfacePoints> points;
+    for (const Mesh& mesh : scene.meshes) points.emplace_back(mesh);
+    std::vector<std::vector<double>> rows(places.size());
+    parallel_for(places.size(), [&](std::size_t i) {
+        const SurfacePoints& surface = points[places[i].mesh];
+        const std::uint32_t place = surface.representative(places[i].vertex);
+        rows[i] = place == SurfacePoints::kNone
+                      ? std::vector<double>(static_cast<std::size_t>(bands * bands), 0)
+                      : truth.at(surface.origin(place, tracer.space()), tracer,
+                                 0x7275746800000000u + i, log_rays);
+    });
+    return rows;
 }
 
 }  // namespace envbake::bench

@@ -39,4 +39,16 @@ class TransportTruth {
     std::vector<double> normalizer_;  ///< of Y_lm, by l (l + 1) / 2 + m
 };
 
+struct Place {
+    std::size_t mesh;
+    std::uint32_t vertex;
+};
+
+/// Different vertices of the scene, every one as likely; always the same.
+std::vector<Place> random_places(const Scene& scene, std::size_t count);
+
+/// Of every place, [places][bands^2].
+std::vector<std::vector<double>> find_truth(int bands, const Scene& scene, const Tracer& tracer,
+                                            const std::vector<Place>& places, int log_rays);
+
 }  // namespace envbake::bench
