@@ -42,10 +42,10 @@ double expected_per_crossing(double rays, int bands) {
 }  // namespace
 
 CrossingError CrossingError::expected(int ray_count, bool with_pilot, int bands) {
-    // A quarter of the rays and the rest, each along its own curve, cross an outline
-    // sqrt(1/4) + sqrt(3/4) times as often as one curve through all of them.
-    const double curves = with_pilot ? 0.5 + std::sqrt(0.75) : 1;
-    return {.per_crossing = expected_per_crossing(ray_count, bands) / curves,
+    // A quarter of the rays and the rest, each in its own order, cross an outline
+    // sqrt(1/4) + sqrt(3/4) times as often as all of them in one.
+    const double orders = with_pilot ? 0.5 + std::sqrt(0.75) : 1;
+    return {.per_crossing = expected_per_crossing(ray_count, bands) / orders,
             .solved = expected_per_crossing(with_pilot ? ray_count / 4.0 : ray_count, bands),
             .samples = kPriorSamples};
 }

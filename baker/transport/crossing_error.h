@@ -9,8 +9,8 @@ namespace envbake {
 /// The error of a vertex, told from its own rays.
 ///
 /// Rays of one set err where what they sample has an edge: in the cells of the set that the outline
-/// of the blocked part of the hemisphere runs through. Neighbours along the set's Z curve of which
-/// one is blocked and the other open, the crossings, count those cells; each adds a square of about
+/// of the blocked part of the hemisphere runs through. Neighbours in the set's order of which one
+/// is blocked and the other open, the crossings, count those cells; each adds a square of about
 /// (1 / N)^2, whatever its direction, since sum_i Y_i^2 is the same everywhere. So
 ///
 ///     E |T - T_true|^2 / |T_unoccluded|^2 = c(N) * crossings

@@ -20,7 +20,7 @@ struct RaySet {
     int bands = 0;
     int ray_count = 0;                           ///< a multiple of 16
     std::size_t pilot_packets = 0;               ///< these come first; 0: no pilot
-    std::vector<DirectionPacket> directions;     ///< along a Z curve: a packet is a patch
+    std::vector<DirectionPacket> directions;     ///< neighbours together: a packet is a patch
     std::vector<std::array<float, 16>> weights;  ///< of each packet's rays; about 1 / ray_count
     double smallest_relative_weight = 0;         ///< min over k of w_k ray_count, >= 0
 };
@@ -32,8 +32,8 @@ struct RaySet {
 /// ray_count * 1.25^k.
 ///
 /// With a pilot every fourth ray of the spiral comes first: a spiral again, of four times the
-/// angle, spread well enough to tell whether anything is in sight. Pilot and rest each follow a Z
-/// curve of their own. The set stays the same, only its order differs.
+/// angle, spread well enough to tell whether anything is in sight. Pilot and rest are each sorted
+/// into patches. The set stays the same, only its order differs.
 ///
 ///   ray_count  >= 1
 ///   bands      1 .. 10

@@ -13,7 +13,7 @@ namespace envbake {
 struct Traced {
     int rays = 0;         ///< traced
     int blocked = 0;      ///< of those
-    int crossings = 0;    ///< neighbours along the set's Z curves of which one is blocked, one open
+    int crossings = 0;    ///< next to each other in the set's order, one blocked, one open
     bool solved = false;  ///< stopped after the pilot
 };
 
