@@ -125,7 +125,7 @@ int main(int argc, char** argv) {
         return 2;
     }
     const std::filesystem::path file = argv[at++];
-    const auto scene = read_scene(file);
+    const auto scene = read_scene(file, {.textures = false});
     if (!scene) {
         std::fprintf(stderr, "%s\n", scene.error().message.c_str());
         return 1;
