@@ -61,14 +61,16 @@ BareRays::~BareRays() {
 }
 
 BareRays::Result BareRays::trace(const RaySet& set, std::span<const RayOrigin> origins,
+                                 std::span<const std::size_t> packet_counts,
                                  double turn_rad) const {
     Result result;
-    std::vector<RTCRay16> packets(set.directions.size());
+    std::vector<RTCRay16> packets;
     alignas(64) int valid[16];
     for (int& v : valid) v = -1;
-    for (const RayOrigin& origin : origins) {
-        const Frame frame = turned(frame_about(origin.normal), turn_rad);
-        const Vec3 from = state_->space.to_local(origin.position);
+    for (std::size_t o = 0; o < origins.size(); ++o) {
+        const Frame frame = turned(frame_about(origins[o].normal), turn_rad);
+        const Vec3 from = state_->space.to_local(origins[o].position);
+        packets.resize(packet_counts[o]);
         for (std::size_t p = 0; p < packets.size(); ++p) {
             RTCRay16& rays = packets[p];
             for (unsigned i = 0; i < 16; ++i) {

@@ -5,6 +5,7 @@
 #include "baker/transport/ray_origin.h"
 #include "baker/transport/ray_set.h"
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -25,8 +26,10 @@ class BareRays {
     BareRays(const Scene& scene, const TraceSpace& space);
     ~BareRays();
 
-    /// The rays of `set`, turned by `turn_rad` about each origin's normal.
-    Result trace(const RaySet& set, std::span<const RayOrigin> origins, double turn_rad) const;
+    /// The first packet_counts[i] packets of `set`, turned by `turn_rad` about the normal of
+    /// origins[i].
+    Result trace(const RaySet& set, std::span<const RayOrigin> origins,
+                 std::span<const std::size_t> packet_counts, double turn_rad) const;
 
   private:
     struct State;

@@ -7,10 +7,11 @@
 //          threads; the textbook's is that of 1,000 random vertices, scaled up. worst, rms:
 //          relative errors |T - T_true|_2 / |T_unoccluded|_2, against 2^16 rays each
 //          (TransportTruth).
-// bare     input,rays,bare_ns,traced_ns,speed,whole_ns,share
-//          ns of CPU a ray: a bare loop of rtcOccluded16 over a vertex' rays, the same rays traced
-//          and projected by the baker, speed = bare_ns / traced_ns. whole_ns: CPU time of a whole
-//          bake over all its rays, those of the check among them; share = bare_ns / whole_ns.
+// bare     input,tolerance,bare_ns,traced_ns,speed,whole_ns,share
+//          ns of CPU a ray: a bare loop of rtcOccluded16 over the rays of some 4,000 vertices, the
+//          same rays traced and projected by the baker, speed = bare_ns / traced_ns. whole_ns: CPU
+//          time of a whole bake over all its rays, those of the check among them;
+//          share = bare_ns / whole_ns.
 // scaling  input,vertices,threads,wall_s,cpu_us,bare_us
 //          one shape at 10^4 .. 10^6 vertices, 448 rays for each: microseconds a vertex
 //
@@ -49,23 +50,52 @@ std::size_t vertices_of(const Scene& scene) {
     return count;
 }
 
-/// Origins of vertices that need rays, in runs of `run` neighbours spread over the scene.
-std::vector<RayOrigin> traced_origins(const Scene& scene, const Tracer& tracer, std::size_t count,
-                                      std::size_t run) {
-    std::vector<RayOrigin> all, some;
-    for (const Mesh& mesh : scene.meshes) {
-        const SurfacePoints points(mesh);
-        for (std::uint32_t v = 0; v < points.size(); ++v) {
-            if (points.representative(v) != v) continue;
-            const RayOrigin origin = points.origin(v, tracer.space());
-            if (!is_free(origin, tracer.half_spaces())) all.push_back(origin);
-        }
+/// About one in `step` of the vertices of a mesh that need rays, in runs of neighbours.
+std::vector<RayOrigin> traced_origins(const Mesh& mesh, const Tracer& tracer, std::size_t step) {
+    constexpr std::size_t kRun = 16;
+    std::vector<RayOrigin> origins;
+    const SurfacePoints points(mesh);
+    for (std::uint32_t v = 0; v < points.size(); ++v) {
+        if (points.representative(v) != v || v / kRun % step != 0) continue;
+        const RayOrigin origin = points.origin(v, tracer.space());
+        if (!is_free(origin, tracer.half_spaces())) origins.push_back(origin);
     }
-    const std::size_t step = std::max(run, all.size() * run / count);
-    for (std::size_t begin = 0; begin < all.size(); begin += step)
-        for (std::size_t i = begin; i < std::min(begin + run, all.size()); ++i)
-            some.push_back(all[i]);
-    return some;
+    return origins;
+}
+
+/// Nanoseconds of CPU for one ray: of the bare loop, and of the baker over the same rays.
+struct PerRay {
+    double bare_ns = 0, traced_ns = 0;
+};
+
+/// The least of some runs of each, in turns, so that a busy machine is busy for both.
+PerRay per_ray(const RaySet& set, const Tracer& tracer, const BareRays& bare,
+               const std::vector<RayOrigin>& origins) {
+    PerRay least{1e30, 1e30};
+    for (int run = 0; run < 5; ++run) {
+        const double turn_rad = run;
+        std::vector<float> row(kBands * kBands);
+        std::vector<std::size_t> packets;
+        std::uint64_t blocked = 0;
+        const double start = thread_cpu_seconds();
+        for (const RayOrigin& origin : origins) {
+            const Traced traced = visible_transport(set, tracer, origin, turn_rad, row);
+            packets.push_back(static_cast<std::size_t>(traced.rays / 16));
+            blocked += static_cast<std::uint64_t>(traced.blocked);
+        }
+        const double traced_s = thread_cpu_seconds() - start;
+        const BareRays::Result result = bare.trace(set, origins, packets, turn_rad);
+        const auto rays = static_cast<double>(result.ray_count);
+        // Directions are rounded in another order: a few rays may graze the other side.
+        if (std::abs(static_cast<double>(blocked) - static_cast<double>(result.blocked_count)) >
+            1 + 1e-4 * rays)
+            std::fprintf(stderr, "%llu and %llu rays blocked: not the same rays\n",
+                         static_cast<unsigned long long>(blocked),
+                         static_cast<unsigned long long>(result.blocked_count));
+        least.bare_ns = std::min(least.bare_ns, 1e9 * result.cpu_s / rays);
+        least.traced_ns = std::min(least.traced_ns, 1e9 * traced_s / rays);
+    }
+    return least;
 }
 
 void print(const std::string& input, const char* method, double setting, double seconds,
@@ -111,45 +141,31 @@ void measure_ladder(const std::string& input, const Scene& scene, const Tracer& 
     }
 }
 
-/// The least of some runs of each, in turns, so that a busy machine is busy for both.
 void measure_bare(const std::string& input, const Scene& scene, const Tracer& tracer) {
     const BareRays bare(scene, tracer.space());
-    const std::vector<RayOrigin> origins = traced_origins(scene, tracer, 3000, 64);
     for (const double tolerance : {1e-2, 3.5e-3}) {
         const double begin = cpu_seconds();
         const auto baked = bake_scene({.bands = kBands, .tolerance = tolerance}, scene, tracer);
         if (!baked) return;
-        const double whole = cpu_seconds() - begin;
-        double rays = 0, full = 0;
-        for (const BakedMesh& mesh : *baked) {
-            rays += static_cast<double>(mesh.report.ray_count + mesh.report.check_ray_count);
-            full = std::max(full, static_cast<double>(mesh.report.rays_per_vertex));
+        const double whole_s = cpu_seconds() - begin;
+        double ray_count = 0, bare_s = 0, traced_s = 0;
+        for (std::size_t m = 0; m < scene.meshes.size(); ++m) {
+            const DiffuseReport& report = (*baked)[m].report;
+            if (report.traced_count == 0) continue;
+            const RaySet set =
+                make_ray_set(report.rays_per_vertex, kBands, report.solved_count > 0);
+            const auto origins =
+                traced_origins(scene.meshes[m], tracer, vertices_of(scene) / 4000 + 1);
+            if (origins.empty()) continue;
+            const PerRay least = per_ray(set, tracer, bare, origins);
+            const auto rays = static_cast<double>(report.ray_count + report.check_ray_count);
+            ray_count += rays;
+            bare_s += 1e-9 * rays * least.bare_ns;
+            traced_s += 1e-9 * rays * least.traced_ns;
         }
-        const RaySet set = make_ray_set(static_cast<int>(full), kBands);
-        double least_bare = 1e30, least_traced = 1e30;
-        for (int run = 0; run < 5; ++run) {
-            const double turn_rad = run;
-            const BareRays::Result result = bare.trace(set, origins, turn_rad);
-            least_bare = std::min(least_bare, result.cpu_s);
-            std::vector<float> row(kBands * kBands);
-            std::uint64_t blocked = 0;
-            const double start = thread_cpu_seconds();
-            for (const RayOrigin& origin : origins)
-                blocked += static_cast<std::uint64_t>(
-                    visible_transport(set, tracer, origin, turn_rad, row).blocked);
-            least_traced = std::min(least_traced, thread_cpu_seconds() - start);
-            // Directions are rounded in another order: a few rays may graze the other side.
-            if (std::abs(static_cast<double>(blocked) - static_cast<double>(result.blocked_count)) >
-                1e-4 * static_cast<double>(result.ray_count))
-                std::fprintf(stderr, "%s: %llu and %llu rays blocked: not the same rays\n",
-                             input.c_str(), static_cast<unsigned long long>(blocked),
-                             static_cast<unsigned long long>(result.blocked_count));
-        }
-        const double per_ray =
-            1e9 / (static_cast<double>(origins.size()) * static_cast<double>(set.ray_count));
-        std::printf("%s,%d,%.1f,%.1f,%.3f,%.1f,%.3f\n", input.c_str(), set.ray_count,
-                    least_bare * per_ray, least_traced * per_ray, least_bare / least_traced,
-                    1e9 * whole / rays, least_bare * per_ray / (1e9 * whole / rays));
+        std::printf("%s,%g,%.1f,%.1f,%.3f,%.1f,%.3f\n", input.c_str(), tolerance,
+                    1e9 * bare_s / ray_count, 1e9 * traced_s / ray_count, bare_s / traced_s,
+                    1e9 * whole_s / ray_count, bare_s / whole_s);
         std::fflush(stdout);
     }
 }
@@ -182,12 +198,10 @@ void measure_scaling() {
         const auto tracer = Tracer::build(scene);
         if (!tracer) return;
         const auto count = static_cast<double>(vertices_of(scene));
-        const std::vector<RayOrigin> origins = traced_origins(scene, *tracer, 3000, 64);
+        const auto origins =
+            traced_origins(scene.meshes[0], *tracer, vertices_of(scene) / 4000 + 1);
         const BareRays bare(scene, tracer->space());
-        double bare_us = 1e30;
-        for (int run = 0; run < 3; ++run)
-            bare_us = std::min(bare_us, 1e6 * bare.trace(set, origins, run).cpu_s /
-                                            static_cast<double>(origins.size()));
+        const double bare_us = 1e-3 * kRays * per_ray(set, *tracer, bare, origins).bare_ns;
         for (const int threads : {1, 2, 4, 8}) {
             if (threads > thread_count()) break;
             const ThreadLimit limit(threads);
@@ -227,7 +241,7 @@ int main(int argc, char** argv) {
     if (what == "ladder") {
         std::puts("stage,input,method,setting,cpu_s,worst,rms,energy");
     } else if (what == "bare") {
-        std::puts("input,rays,bare_ns,traced_ns,speed,whole_ns,share");
+        std::puts("input,tolerance,bare_ns,traced_ns,speed,whole_ns,share");
     } else {
         std::fprintf(stderr, "transport_against_time ladder|bare|scaling [SCENE...]\n");
         return 2;

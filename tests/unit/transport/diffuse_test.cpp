@@ -251,6 +251,10 @@ TEST(Diffuse, StopsWhereAPilotSolvesTheVertexAndNowhereElse) {
     const Baked whole =
         bake(scene, {.tolerance = 5e-3, .rays_per_vertex = baked.report.rays_per_vertex});
     ASSERT_EQ(whole.report.rays_per_vertex, baked.report.rays_per_vertex);
+    {
+        const ThreadLimit limit(1);
+        EXPECT_EQ(bake(scene, {.tolerance = 5e-3}).rows, baked.rows);
+    }
     EXPECT_GT(baked.report.solved_count, floor_count / 4);
     EXPECT_LT(baked.report.solved_count, floor_count);
     EXPECT_GT(baked.report.error_rms, 0);
