@@ -212,7 +212,8 @@ void DiffuseBake::choose_rays() {
     };
 
     // Few vertices tell about how many rays the mesh needs, and whether many are solved by a pilot.
-    const auto few = std::span(sample_).first(std::min<std::size_t>(sample_.size(), 64));
+    const auto few = std::span(sample_).first(
+        std::min(sample_.size(), std::clamp<std::size_t>(sample_.size() / 4, 12, 64)));
     RaySet set = make_ray_set(first_guess, job_.bands, true);
     std::vector<BakedTwice> baked = bake_twice(set, few);
     const auto solved = std::count_if(baked.begin(), baked.end(),
