@@ -17,6 +17,7 @@
 
 #include "envbake/runtime/bundle.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -176,6 +177,16 @@ Expected<void> require_same_resources(const RenderOptions& options,
     return {};
 }
 
+/// The truth is of the scene as it was baked: marks given on the command line stand in the
+/// metadata alone.
+void mark_as_baked(const Json& metadata, Scene& scene) {
+    const auto list = metadata.find("meshes");
+    if (list == metadata.end() || !list->is_array()) return;
+    for (std::size_t i = 0; i < std::min(list->size(), scene.meshes.size()); ++i)
+        if ((*list)[i].is_object() && (*list)[i].value("casts", Json()) == false)
+            scene.meshes[i].casts = false;
+}
+
 Expected<Camera> make_camera(const RenderOptions& options, const Scene& scene,
                              const Tracer& tracer) {
     const int width = options.size[0], height = options.size[1];
@@ -227,13 +238,14 @@ Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostr
         return Error{system ? Errc::Failed : Errc::InvalidBundle,
                      concat(options.bundle.string(), ": ", format::to_string(bundle.error()))};
     }
-    ENVBAKE_TRY(const std::vector<BakedInput> inputs,
-                read_baked_inputs(options.bundle, parse_metadata(bundle->reader().metadata())));
+    const Json metadata = parse_metadata(bundle->reader().metadata());
+    ENVBAKE_TRY(const std::vector<BakedInput> inputs, read_baked_inputs(options.bundle, metadata));
     ENVBAKE_TRY_VOID(require_same_input(options.bundle, inputs, "scene", options.scene));
     if (!options.environment.empty())
         ENVBAKE_TRY_VOID(
             require_same_input(options.bundle, inputs, "environment", options.environment));
-    ENVBAKE_TRY(const Scene scene, read_scene(options.scene));
+    ENVBAKE_TRY(Scene scene, read_scene(options.scene));
+    mark_as_baked(metadata, scene);
     ENVBAKE_TRY_VOID(check_outputs(options, scene.files_read));
     ENVBAKE_TRY_VOID(require_same_resources(options, inputs, scene));
     std::optional<Environment> environment;

@@ -48,6 +48,8 @@ void declare_request(CLI::App& app, BakeRequest& request) {
     app.add_option("--mip-count", request.mip_count,
                    "Specular mips; mip k of n holds roughness k/(n-1)")
         ->capture_default_str();
+    app.add_flag("--certify", request.certify,
+                 "Prove that no texel of the mips is off by more than --tolerance; much slower");
     app.add_option_function<std::string>(
            "--mip-layout",
            [&request](const std::string& name) {
@@ -78,6 +80,14 @@ void declare_request(CLI::App& app, BakeRequest& request) {
         ->default_str("roots");
     app.add_flag("--unshadowed", request.unshadowed,
                  "Also bake mesh/I/unshadowed: transport without occlusion, analytic");
+    const auto add_names = [&app](const char* option, std::vector<std::string>& names,
+                                  const char* what) {
+        app.add_option(option, names, what)->type_name("NAME")->allow_extra_args(false);
+    };
+    add_names("--no-receive", request.not_receiving,
+              "Bake no transport for this mesh: name of a node or a mesh, or mesh/I; repeatable");
+    add_names("--no-cast", request.not_casting,
+              "Let this mesh block no light: name of a node or a mesh, or mesh/I; repeatable");
     app.add_flag("--area-normals", request.area_weighted_normals,
                  "Where the file has no normals, weight faces by area instead of by angle");
     app.add_flag("--strict", request.strict,
@@ -88,6 +98,15 @@ void declare_request(CLI::App& app, BakeRequest& request) {
                    "Expert: rays per vertex; 0 lets the tolerance decide")
         ->capture_default_str()
         ->group("Expert options");
+    app.add_option("--memory", request.memory_bytes,
+                   "Memory for transport beside the scene and its tree: bytes, or 64MB, 1GB")
+        ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
+        ->transform(CLI::Validator(  // comes before the one above, for which -1 is a large number
+            [](std::string& text) {
+                return text.starts_with('-') ? std::string("must not be negative") : "";
+            },
+            ""))
+        ->default_str("256MB");
     app.add_option("--seed", request.seed, "Expert: seed of the random turns")
         ->capture_default_str()
         ->group("Expert options");

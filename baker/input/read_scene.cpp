@@ -296,6 +296,8 @@ class SceneReader {
         mesh.node_name = node.name;
         mesh.mesh_name = source.name;
         mesh.material = source.primitives[static_cast<std::size_t>(p)].material;
+        ENVBAKE_TRY_VOID(read_marks(source.extras, concat("meshes[", node.mesh, "].extras"), mesh));
+        ENVBAKE_TRY_VOID(read_marks(node.extras, concat("nodes[", node_index, "].extras"), mesh));
         mesh.uv0 = primitive.uv0;
         mesh.uv1 = primitive.uv1;
         mesh.colors = primitive.colors;
@@ -340,6 +342,26 @@ class SceneReader {
         if (mesh.normals_computed && !mesh.triangles.empty()) ++meshes_without_normals_;
         degenerate_triangles_ += degenerate_triangles(mesh);
         return mesh;
+    }
+
+    Expected<void> read_marks(const tinygltf::Value& extras, const std::string& where, Mesh& mesh) {
+        if (!extras.IsObject() || !extras.Has("envbake")) return {};
+        const tinygltf::Value& marks = extras.Get("envbake");
+        if (!marks.IsObject()) return refuse(where + ".envbake: must be an object");
+        for (const std::string& key : marks.Keys()) {
+            bool Mesh::*const mark = key == "receives" ? &Mesh::receives
+                                     : key == "casts"  ? &Mesh::casts
+                                                       : nullptr;
+            if (mark == nullptr) {
+                unknown_marks_.insert(concat(where, ".envbake.", gltf::shown(key),
+                                             " is not known: receives and casts are"));
+                continue;
+            }
+            if (!marks.Get(key).IsBool())
+                return refuse(concat(where, ".envbake.", key, ": must be true or false"));
+            mesh.*mark = marks.Get(key).Get<bool>();
+        }
+        return {};
     }
 
     void assign_default_material() {
@@ -402,6 +424,7 @@ class SceneReader {
         note(repairs_.unweighted_vertices,
              " skinned vertices have no weights: bound to their first joint");
         note(skinned_nodes_, " nodes are skinned: taken in the pose of the file's nodes");
+        scene_.notes.insert(scene_.notes.end(), unknown_marks_.begin(), unknown_marks_.end());
         std::string passed_over;
         for (const std::string& name : asset_.unread_extensions)
             passed_over += concat(passed_over.empty() ? "" : ", ", gltf::shown(name));
@@ -417,6 +440,7 @@ class SceneReader {
     std::vector<DMat4> world_;                         ///< of every node
     std::map<int, int> uses_;                          ///< nodes that show a mesh
     std::map<std::pair<int, int>, Primitive> shared_;  ///< by mesh and primitive
+    std::set<std::string> unknown_marks_;
     Repairs repairs_;
     std::uint64_t triangle_count_ = 0;
     std::uint64_t degenerate_triangles_ = 0;

@@ -26,6 +26,8 @@ struct ReadSceneOptions {
 /// - Missing normals are computed, smooth over the vertices that the primitive shares: glTF asks
 /// for
 ///   flat ones, but rows of the bundle are vertices of the file, which cannot be split.
+/// - A mesh may be marked in "extras", of its own or of the node that shows it (which then counts):
+///   {"envbake": {"receives": false, "casts": false}}.
 /// - URIs name files relative to the scene; `..` is followed, absolute paths and schemes are not.
 /// - At most 64 Mi vertices and as many triangles, instances counted.
 ///

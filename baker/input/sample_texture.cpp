@@ -61,10 +61,9 @@ Tap tap(double u, int size, Wrap wrap) {
     return {inside(i), inside(i + 1), static_cast<float>(x - floor)};
 }
 
-/// Colour channels are decoded before they are filtered, as graphics hardware does.
-Vec4 sample(const Scene& scene, const Texture& texture, Vec2 uv, const Decode& color) {
-    const Image& image = scene.images[static_cast<std::size_t>(texture.image)];
-    if (image.rgba.empty()) return Vec4(1);
+/// Filters what `read` makes of the four bytes of a texel.
+template <class Read>
+auto filtered(const Image& image, const Texture& texture, Vec2 uv, const Read& read) {
     const auto& m = texture.uv_matrix;
     const double u = double{m[0]} * uv.x + double{m[1]} * uv.y + m[2];
     const double v = double{m[3]} * uv.x + double{m[4]} * uv.y + m[5];
@@ -74,14 +73,35 @@ Vec4 sample(const Scene& scene, const Texture& texture, Vec2 uv, const Decode& c
         const std::size_t pixel =
             static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width) +
             static_cast<std::size_t>(column);
-        const std::uint8_t* c = image.rgba.data() + 4 * pixel;
-        return Vec4(color[c[0]], color[c[1]], color[c[2]], as_stored()[c[3]]);
+        return read(image.rgba.data() + 4 * pixel);
     };
-    const Vec4 top = glm::mix(texel(columns.first, rows.first), texel(columns.second, rows.first),
+    const auto top = glm::mix(texel(columns.first, rows.first), texel(columns.second, rows.first),
                               columns.weight);
-    const Vec4 bottom = glm::mix(texel(columns.first, rows.second),
+    const auto bottom = glm::mix(texel(columns.first, rows.second),
                                  texel(columns.second, rows.second), columns.weight);
     return glm::mix(top, bottom, rows.weight);
+}
+
+/// Colour channels are decoded before they are filtered, as graphics hardware does.
+Vec4 sample(const Scene& scene, const Texture& texture, Vec2 uv, const Decode& color) {
+    const Image& image = scene.images[static_cast<std::size_t>(texture.image)];
+    if (image.rgba.empty()) return Vec4(1);
+    return filtered(image, texture, uv, [&](const std::uint8_t* c) {
+        return Vec4(color[c[0]], color[c[1]], color[c[2]], as_stored()[c[3]]);
+    });
+}
+
+/// Of one value a vertex, at a point of a triangle.
+template <class T>
+T interpolated(const std::vector<T>& values, const std::uint32_t* corner, const Vec3& barycentric) {
+    return values[corner[0]] * barycentric.x + values[corner[1]] * barycentric.y +
+           values[corner[2]] * barycentric.z;
+}
+
+Vec2 coordinates(const Texture& texture, const Mesh& mesh, const std::uint32_t* corner,
+                 const Vec3& barycentric) {
+    const std::vector<Vec2>& set = texture.uv_set == 1 ? mesh.uv1 : mesh.uv0;
+    return set.empty() ? Vec2(0) : interpolated(set, corner, barycentric);
 }
 
 }  // namespace
@@ -94,18 +114,13 @@ SurfaceMaterial surface_material(const Scene& scene, const Mesh& mesh, std::size
                                  const Vec3& barycentric) {
     const Material& material = scene.materials[static_cast<std::size_t>(mesh.material)];
     const std::uint32_t* corner = mesh.triangles.data() + 3 * triangle;
-    const auto interpolated = [&](const auto& values) {
-        return values[corner[0]] * barycentric.x + values[corner[1]] * barycentric.y +
-               values[corner[2]] * barycentric.z;
-    };
     const auto sampled = [&](const Texture& texture, const Decode& color) {
-        const std::vector<Vec2>& set = texture.uv_set == 1 ? mesh.uv1 : mesh.uv0;
-        return sample(scene, texture, set.empty() ? Vec2(0) : interpolated(set), color);
+        return sample(scene, texture, coordinates(texture, mesh, corner, barycentric), color);
     };
 
     Vec4 base(material.base_color, material.alpha);
     if (material.base_color_texture) base *= sampled(*material.base_color_texture, from_srgb());
-    if (!mesh.colors.empty()) base *= interpolated(mesh.colors);
+    if (!mesh.colors.empty()) base *= interpolated(mesh.colors, corner, barycentric);
 
     SurfaceMaterial out;
     out.base_color = Vec3(base);
@@ -122,6 +137,24 @@ SurfaceMaterial surface_material(const Scene& scene, const Mesh& mesh, std::size
     if (material.emission_texture)
         out.emission *= Vec3(sampled(*material.emission_texture, from_srgb()));
     return out;
+}
+
+float surface_alpha(const Scene& scene, const Mesh& mesh, std::size_t triangle,
+                    const Vec3& barycentric) {
+    const Material& material = scene.materials[static_cast<std::size_t>(mesh.material)];
+    const std::uint32_t* corner = mesh.triangles.data() + 3 * triangle;
+    float alpha = material.alpha;
+    if (const auto& texture = material.base_color_texture) {
+        const Image& image = scene.images[static_cast<std::size_t>(texture->image)];
+        if (!image.rgba.empty())
+            alpha *= filtered(image, *texture, coordinates(*texture, mesh, corner, barycentric),
+                              [](const std::uint8_t* c) { return as_stored()[c[3]]; });
+    }
+    if (!mesh.colors.empty()) {
+        const auto a = [&](std::size_t k) { return mesh.colors[corner[k]].a; };
+        alpha *= a(0) * barycentric.x + a(1) * barycentric.y + a(2) * barycentric.z;
+    }
+    return alpha;
 }
 
 }  // namespace envbake

@@ -29,4 +29,8 @@ Vec4 sample_texture(const Scene& scene, const Texture& texture, Vec2 uv);
 SurfaceMaterial surface_material(const Scene& scene, const Mesh& mesh, std::size_t triangle,
                                  const Vec3& barycentric);
 
+/// Its alpha alone: what alpha mode MASK holds against the cut-off.
+float surface_alpha(const Scene& scene, const Mesh& mesh, std::size_t triangle,
+                    const Vec3& barycentric);
+
 }  // namespace envbake

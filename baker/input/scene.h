@@ -70,6 +70,8 @@ struct Mesh {
     std::vector<Vec4> colors;              ///< linear; empty or one a vertex
     std::vector<std::uint32_t> triangles;  ///< 3 indices each; empty for points and lines
     bool normals_computed = false;         ///< the file had none
+    bool receives = true;                  ///< false: marked as needing no transport
+    bool casts = true;                     ///< false: marked as blocking no light
 
     std::size_t vertex_count() const { return positions.size(); }
     std::size_t triangle_count() const { return triangles.size() / 3; }

@@ -36,25 +36,6 @@ int floor_power_of_two(int x) {
 
 }  // namespace
 
-/// Moments about the origin, exact texel shapes: of the excess of each channel, and of radiance 1.
-struct ClusterTree::Raw {
-    double flux[3] = {};
-    DVec3 first[3] = {DVec3{0}, DVec3{0}, DVec3{0}};
-    double second[3][6] = {};
-    double omega = 0;
-    DVec3 uniform{0};
-
-    void add(const Raw& o) {
-        for (int k = 0; k < 3; ++k) {
-            flux[k] += o.flux[k];
-            first[k] += o.first[k];
-            for (int i = 0; i < 6; ++i) second[k][i] += o.second[k][i];
-        }
-        omega += o.omega;
-        uniform += o.uniform;
-    }
-};
-
 /// One level of blocks, in rows of `count` blocks each.
 struct ClusterTree::Level {
     struct Row {
@@ -64,7 +45,7 @@ struct ClusterTree::Level {
         int child_row[2];  ///< in the finer level; -1: none
     };
     std::vector<Row> rows;
-    std::vector<Raw> raw;
+    std::vector<RawMoments> raw;
     std::vector<TexelBlock> blocks;
 };
 
@@ -95,6 +76,7 @@ ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
     const int asked = static_cast<int>(std::min(base_extent_rad / texel_extent + 0.5, 1e6));
     const int texels_per_block = std::clamp(std::max(asked, least), 1, height_);
 
+    if (lat_long) prepare(*lat_long);
     std::vector<Level> levels;
     levels.push_back(lat_long ? lat_long_base(*lat_long, texels_per_block)
                               : cube_base(*cube, texels_per_block));
@@ -103,7 +85,9 @@ ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
 
     DVec3 flux{0};
     DVec3 weight{0};
-    for (const Raw& raw : levels.back().raw) flux += DVec3{raw.flux[0], raw.flux[1], raw.flux[2]};
+    for (const RawMoments& raw : levels.back().raw) {
+        flux += DVec3{raw.of[0][0], raw.of[1][0], raw.of[2][0]};
+    }
     for (int k = 0; k < 3; ++k) weight[k] = flux[k] > 0 ? 1 / flux[k] : 0;
     mean_excess_ = flux / (4 * pi);
     centre_weight_ = weight;
@@ -111,37 +95,44 @@ ClusterTree::ClusterTree(const Environment& environment, double base_extent_rad)
     std::uint32_t first = 0, finer_first = 0;
     for (std::size_t i = 0; i < levels.size(); ++i) {
         finer_first = first;
-        first = static_cast<std::uint32_t>(nodes_.size());
+        first = static_cast<std::uint32_t>(clusters_.nodes.size());
         append(levels[i], i > 0 ? &levels[i - 1] : nullptr, finer_first);
     }
-    for (std::uint32_t i = first; i < nodes_.size(); ++i) roots_.push_back(i);
+    for (std::uint32_t i = first; i < clusters_.nodes.size(); ++i) roots_.push_back(i);
 }
 
-/// Everything separates: per row of texels the integrals of sin, sin^2, sin cos, sin^3, sin^2 cos
-/// of theta, per column those of 1, cos, sin, cos^2, sin^2, sin cos of phi.
-ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_per_block) {
-    struct Column {
-        double one, c, s, cc, ss, cs;
-    };
-    std::vector<Column> columns;
-    for (int i = 0; i < width_; ++i) {
-        const double half = (grid.phi_edges[index(i + 1)] - grid.phi_edges[index(i)]) / 2;
-        const double phi = grid.phi_edges[index(i)] + half;
-        const double one = 2 * half, sine = 2 * std::sin(half), double_sine = std::sin(2 * half);
-        columns.push_back({one, sine * std::cos(phi), sine * std::sin(phi),
-                           half + double_sine * std::cos(2 * phi) / 2,
-                           half - double_sine * std::cos(2 * phi) / 2,
-                           double_sine * std::sin(2 * phi) / 2});
-    }
-
+/// Everything separates into factors of the row and of the column.
+void ClusterTree::prepare(const LatLongGrid& grid) {
     for (int r = 0; r < height_; ++r) {
-        theta_terms_.push_back(
-            theta_terms(grid.theta_edges[index(r)], grid.theta_edges[index(r + 1)]));
+        const double t0 = grid.theta_edges[index(r)], t1 = grid.theta_edges[index(r + 1)];
+        theta_terms_.push_back(theta_terms(t0, t1));
+        const ThetaTerms& t = theta_terms_.back();
+        const double sin_two_half = 2 * t.sin_half * t.cos_half;
+        const double c0 = std::cos(t0), c1 = std::cos(t1), s0 = std::sin(t0), s1 = std::sin(t1);
+        // Integrals of sin, sin^2, sin cos, sin^3, sin^2 cos.
+        const double s = t.integral;
+        const double ss = t.sine * t.sine * sin_two_half + (t.half - sin_two_half / 2);
+        const double sc = t.sine * t.cosine * sin_two_half;
+        // (cos^3 / 3 - cos) and sin^3 / 3 between the edges, their difference as a factor.
+        const double sss = s * (1 - (c0 * c0 + c0 * c1 + c1 * c1) / 3);
+        const double ssc = (s1 - s0) * (s0 * s0 + s0 * s1 + s1 * s1) / 3;
+        row_factors_.push_back({s, ss, sc, ss, sss, s - sss, sss, ssc, sss, ssc});
     }
     for (int c = 0; c < width_; ++c) {
         phi_terms_.push_back(phi_terms(grid.phi_edges[index(c)], grid.phi_edges[index(c + 1)]));
+        const PhiTerms& p = phi_terms_.back();
+        const double sin_two_half = 2 * p.sin_half * p.cos_half;
+        const double cos_two = p.cosine * p.cosine - p.sine * p.sine;
+        // Integrals of 1, cos, sin, cos^2, sin^2, sin cos.
+        const double one = 2 * p.half, c1 = 2 * p.sin_half * p.cosine, s1 = 2 * p.sin_half * p.sine;
+        const double cc = p.half + sin_two_half * cos_two / 2;
+        const double ss = p.half - sin_two_half * cos_two / 2;
+        const double sc = sin_two_half * p.sine * p.cosine;
+        column_factors_.push_back({one, c1, one, s1, cc, one, ss, c1, sc, s1});
     }
+}
 
+ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_per_block) const {
     Level level;
     const int most = floor_power_of_two(width_);
     for (int row0 = 0; row0 < height_; row0 += rows_per_block) {
@@ -164,21 +155,9 @@ ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_
         std::vector<double> sums(index(3 * kSums * stride), 0.0), row(index(stride), 0.0);
         double uniform[3] = {};  // of 1, sin, cos over the rows
         for (int r = run.row0; r < run.row1; ++r) {
-            const double t0 = grid.theta_edges[index(r)], t1 = grid.theta_edges[index(r + 1)];
-            const double half = (t1 - t0) / 2, middle = (t0 + t1) / 2;
-            const double sm = std::sin(middle), cm = std::cos(middle);
-            const double sh = std::sin(half), s2h = std::sin(2 * half);
-            const double s1 = 2 * sm * sh;
-            const double s2 = sm * sm * s2h + (half - s2h / 2);
-            const double sc = sm * cm * s2h;
-            const double c0 = std::cos(t0), c1 = std::cos(t1), n0 = std::sin(t0), n1 = std::sin(t1);
-            // (cos^3 / 3 - cos) and sin^3 / 3 between the edges, the difference taken out as s1.
-            const double s3 = s1 * (1 - (c0 * c0 + c0 * c1 + c1 * c1) / 3);
-            const double s2c = (n1 - n0) * (n0 * n0 + n0 * n1 + n1 * n1) / 3;
-            const double weights[kSums] = {s1, s2, sc, s3, s2c};
-            uniform[0] += s1;
-            uniform[1] += s2;
-            uniform[2] += sc;
+            const Factors& of = row_factors_[index(r)];
+            const double weights[kSums] = {of[0], of[1], of[2], of[4], of[7]};
+            for (int j = 0; j < 3; ++j) uniform[j] += weights[j];
             const Vec3* texels = environment_->radiance.data() + index(r) * index(width_);
             for (int k = 0; k < 3; ++k) {
                 for (int i = 0; i < width_; ++i) {
@@ -197,23 +176,17 @@ ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_
         for (int b = 0; b < run.count; ++b) {
             const std::size_t slot = run.first + index(b);
             const TexelBlock& block = level.blocks[slot];
-            Raw& raw = level.raw[slot];
+            RawMoments& raw = level.raw[slot];
             for (int i = block.column0; i < block.column1; ++i) {
-                const Column& p = columns[index(i)];
-                raw.omega += uniform[0] * p.one;
-                raw.uniform += DVec3{uniform[1] * p.c, uniform[2] * p.one, uniform[1] * p.s};
+                const Factors& p = column_factors_[index(i)];
+                for (std::size_t j = 0; j < 4; ++j)
+                    raw.uniform[j] += uniform[j == 3 ? 1 : j] * p[j];
                 for (int k = 0; k < 3; ++k) {
                     const double* in = sums.data() + k * kSums * stride + i;
-                    const double s1 = in[0], s2 = in[stride], sc = in[2 * stride],
-                                 s3 = in[3 * stride], s2c = in[4 * stride];
-                    raw.flux[k] += s1 * p.one;
-                    raw.first[k] += DVec3{s2 * p.c, sc * p.one, s2 * p.s};
-                    raw.second[k][0] += s3 * p.cc;
-                    raw.second[k][1] += (s1 - s3) * p.one;
-                    raw.second[k][2] += s3 * p.ss;
-                    raw.second[k][3] += s2c * p.c;
-                    raw.second[k][4] += s3 * p.cs;
-                    raw.second[k][5] += s2c * p.s;
+                    const double s = in[0], ss = in[stride], sc = in[2 * stride],
+                                 sss = in[3 * stride], ssc = in[4 * stride];
+                    const Factors t{s, ss, sc, ss, sss, s - sss, sss, ssc, sss, ssc};
+                    for (std::size_t j = 0; j < t.size(); ++j) raw.of[k][j] += t[j] * p[j];
                 }
             }
         }
@@ -221,7 +194,7 @@ ClusterTree::Level ClusterTree::lat_long_base(const LatLongGrid& grid, int rows_
     return level;
 }
 
-ClusterTree::Level ClusterTree::cube_base(const CubeGrid& grid, int texels_per_block) {
+ClusterTree::Level ClusterTree::cube_base(const CubeGrid& grid, int texels_per_block) const {
     Level level;
     const int count =
         std::clamp(nearest_power_of_two(static_cast<double>(grid.size) / texels_per_block), 1,
@@ -243,28 +216,7 @@ ClusterTree::Level ClusterTree::cube_base(const CubeGrid& grid, int texels_per_b
         const Level::Row& run = level.rows[at];
         for (int b = 0; b < run.count; ++b) {
             const TexelBlock& block = level.blocks[run.first + index(b)];
-            Raw& raw = level.raw[run.first + index(b)];
-            for (int r = block.row0; r < block.row1; ++r) {
-                for (int c = block.column0; c < block.column1; ++c) {
-                    const SourcePatch p = make_patch(texel_rect(block, r, c));
-                    const DVec3 L = excess(block, r, c);
-                    // E[w w^T] of the parallelogram, about its exact centre.
-                    const DVec3 &m = p.centre, &a = p.half_a, &h = p.half_b;
-                    const auto product = [&](int i, int j) {
-                        return m[i] * m[j] + (a[i] * a[j] + h[i] * h[j]) / 3;
-                    };
-                    const double second[6] = {product(0, 0), product(1, 1), product(2, 2),
-                                              product(0, 1), product(0, 2), product(1, 2)};
-                    raw.omega += p.omega;
-                    raw.uniform += p.omega * m;
-                    for (int k = 0; k < 3; ++k) {
-                        const double flux = L[k] * p.omega;
-                        raw.flux[k] += flux;
-                        raw.first[k] += flux * m;
-                        for (int i = 0; i < 6; ++i) raw.second[k][i] += flux * second[i];
-                    }
-                }
-            }
+            add_texels(block, level.raw[run.first + index(b)]);
         }
     });
     return level;
@@ -291,7 +243,7 @@ ClusterTree::Level ClusterTree::coarser(const Level& fine) const {
             upper.face,          upper.row0,
             lower.row1,          {static_cast<int>(r), paired ? static_cast<int>(r + 1) : -1}};
         for (int i = 0; i < count; ++i) {
-            Raw sum;
+            RawMoments sum;
             for (const int child_row : row.child_row) {
                 if (child_row < 0) continue;
                 const Level::Row& child = fine.rows[index(child_row)];
@@ -312,17 +264,16 @@ ClusterTree::Level ClusterTree::coarser(const Level& fine) const {
 }
 
 void ClusterTree::append(const Level& level, const Level* finer, std::uint32_t finer_first) {
-    const std::size_t first = nodes_.size();
-    nodes_.resize(first + level.raw.size());
-    moments_.resize(nodes_.size());
-    blocks_.insert(blocks_.end(), level.blocks.begin(), level.blocks.end());
+    const std::size_t first = clusters_.nodes.size();
+    clusters_.nodes.resize(first + level.raw.size());
+    clusters_.moments.resize(clusters_.nodes.size());
+    clusters_.blocks.insert(clusters_.blocks.end(), level.blocks.begin(), level.blocks.end());
     parallel_for(level.rows.size(), [&](std::size_t at) {
         const Level::Row& row = level.rows[at];
         for (int i = 0; i < row.count; ++i) {
             const std::size_t slot = row.first + index(i);
-            ClusterNode node =
-                finish(level.raw[slot], rect_of(level.blocks[slot]), moments_[first + slot]);
-            node.block = static_cast<std::uint32_t>(first + slot);
+            ClusterNode node = make_node(level.raw[slot], rect_of(level.blocks[slot]),
+                                         clusters_.moments[first + slot]);
             for (int k = 0; k < 2; ++k) {
                 node.first_child[k] = 0;
                 node.child_count[k] = 0;
@@ -333,21 +284,118 @@ void ClusterTree::append(const Level& level, const Level* finer, std::uint32_t f
                 node.first_child[k] =
                     finer_first + static_cast<std::uint32_t>(child.first + index(i * each));
             }
-            nodes_[first + slot] = node;
+            clusters_.nodes[first + slot] = node;
         }
     });
 }
 
+OpenedBlock ClusterTree::open(const TexelBlock& block) const {
+    OpenedBlock opened;
+    const std::size_t texels =
+        index(block.row1 - block.row0) * index(block.column1 - block.column0);
+    const std::size_t most = texels / 2 + 1;  // no part has fewer than 4 texels
+    opened.clusters.blocks.reserve(most);
+    opened.clusters.nodes.reserve(most);
+    opened.raw.reserve(most);
+    opened.clusters.blocks = {block};
+    opened.clusters.nodes.resize(1);
+    opened.raw.resize(1);
+    fill(opened, 0);
+    opened.clusters.moments.resize(opened.raw.size());
+    opened.finished.resize(opened.raw.size());
+    return opened;
+}
+
+/// The moments about the origin of node `slot`, and of all below it.
+void ClusterTree::fill(OpenedBlock& opened, std::size_t slot) const {
+    std::vector<TexelBlock>& blocks = opened.clusters.blocks;
+    const TexelBlock block = blocks[slot];
+    const int rows = block.row1 - block.row0, columns = block.column1 - block.column0;
+    if (rows * columns <= kFewTexels) return add_texels(block, opened.raw[slot]);
+
+    const DVec2 sides = rect_of(block).sides();
+    const bool split_rows = rows > 1 && (sides.x > 0.6 * sides.y || columns == 1);
+    const bool split_columns = columns > 1 && (sides.y > 0.6 * sides.x || rows == 1);
+    const std::size_t first = blocks.size();
+    for (int i = 0; i < (split_rows ? 2 : 1); ++i) {
+        for (int j = 0; j < (split_columns ? 2 : 1); ++j) {
+            TexelBlock part = block;
+            if (split_rows) (i == 0 ? part.row1 : part.row0) = block.row0 + rows / 2;
+            if (split_columns) (j == 0 ? part.column1 : part.column0) = block.column0 + columns / 2;
+            blocks.push_back(part);
+        }
+    }
+    const std::size_t end = blocks.size();
+    opened.clusters.nodes.resize(end);
+    opened.raw.resize(end);
+    opened.clusters.nodes[slot].first_child[0] = static_cast<std::uint32_t>(first);
+    opened.clusters.nodes[slot].child_count[0] = static_cast<std::uint16_t>(end - first);
+    for (std::size_t i = first; i < end; ++i) {
+        fill(opened, i);
+        opened.raw[slot].add(opened.raw[i]);
+    }
+}
+
+void ClusterTree::finish(OpenedBlock& opened, std::uint32_t i) const {
+    if (opened.finished[i]) return;
+    opened.finished[i] = true;
+    ClusterNode& node = opened.clusters.nodes[i];
+    const ClusterNode made =
+        make_node(opened.raw[i], rect_of(opened.clusters.blocks[i]), opened.clusters.moments[i]);
+    const ClusterNode links = node;
+    node = made;
+    node.first_child[0] = links.first_child[0];
+    node.child_count[0] = links.child_count[0];
+}
+
+void ClusterTree::add_texels(const TexelBlock& block, RawMoments& sum) const {
+    for (int r = block.row0; r < block.row1; ++r) {
+        for (int c = block.column0; c < block.column1; ++c) {
+            Factors of;
+            if (block.face < 0) {
+                const Factors &t = row_factors_[index(r)], &p = column_factors_[index(c)];
+                for (std::size_t j = 0; j < of.size(); ++j) of[j] = t[j] * p[j];
+            } else {
+                // E[w w^T] of the parallelogram, about its exact centre.
+                const SourcePatch patch = make_patch(rect_of({block.face, r, r + 1, c, c + 1}));
+                const DVec3 &m = patch.centre, &a = patch.half_a, &b = patch.half_b;
+                const auto product = [&](int i, int j) {
+                    return m[i] * m[j] + (a[i] * a[j] + b[i] * b[j]) / 3;
+                };
+                of = {1,
+                      m.x,
+                      m.y,
+                      m.z,
+                      product(0, 0),
+                      product(1, 1),
+                      product(2, 2),
+                      product(0, 1),
+                      product(0, 2),
+                      product(1, 2)};
+                for (double& moment : of) moment *= patch.omega;
+            }
+            const DVec3 L = excess(block, r, c);
+            for (int k = 0; k < 3; ++k) {
+                for (std::size_t j = 0; j < of.size(); ++j) sum.of[k][j] += L[k] * of[j];
+            }
+            for (std::size_t j = 0; j < 4; ++j) sum.uniform[j] += of[j];
+        }
+    }
+}
+
 /// Central moments from moments about the origin; in double, for the difference loses digits.
-ClusterNode ClusterTree::finish(const Raw& raw, const SourceRect& rect,
-                                ClusterMoments<float>& out) const {
+ClusterNode ClusterTree::make_node(const RawMoments& raw, const SourceRect& rect,
+                                   ClusterMoments<float>& out) const {
     ClusterNode node{};
-    const DVec3 uniform = raw.uniform / raw.omega;
+    const auto first_of = [](const double* moments) {
+        return DVec3{moments[1], moments[2], moments[3]};
+    };
+    const DVec3 uniform = first_of(raw.uniform) / raw.uniform[0];
     DVec3 weighted{0};
     double total = 0;
     for (int k = 0; k < 3; ++k) {
-        weighted += centre_weight_[k] * raw.first[k];
-        total += centre_weight_[k] * raw.flux[k];
+        weighted += centre_weight_[k] * first_of(raw.of[k]);
+        total += centre_weight_[k] * raw.of[k][0];
     }
     const DVec3 centre = total > 0 ? weighted / total : uniform;
     const double variance = std::max(0.0, (1 - glm::dot(centre, centre)) / 2);
@@ -355,7 +403,8 @@ ClusterNode ClusterTree::finish(const Raw& raw, const SourceRect& rect,
     const DVec2 sides = rect.sides();
     const double extent = std::max(sides.x, sides.y);
 
-    // Small blocks are nearly flat: no corner is further than half the diagonal from the middle.
+    // Small blocks are nearly flat: no corner is further than half the diagonal from the
+    // middle.
     double radius = 0.53 * glm::length(sides) + glm::length(centre - uniform);
     if (extent > 0.2) {
         constexpr double kSteps[] = {0, 0.25, 0.5, 0.75, 1};
@@ -366,13 +415,13 @@ ClusterNode ClusterTree::finish(const Raw& raw, const SourceRect& rect,
             }
         }
     }
-    double skew = 0;
+    double skew = 0, deviation2 = 0, offset = 0;
     for (int k = 0; k < 3; ++k) {
-        const double flux = raw.flux[k];
-        const DVec3 first = raw.first[k] - flux * centre;
+        const double flux = raw.of[k][0];
+        const DVec3 first = first_of(raw.of[k]) - flux * centre;
         // Sum of L (w - c)(w - c)^T = Q - c M^T - M c^T + F c c^T, M = first + F c.
         const auto second = [&](int slot, int i, int j) {
-            return raw.second[k][slot] - centre[i] * first[j] - first[i] * centre[j] -
+            return raw.of[k][4 + slot] - centre[i] * first[j] - first[i] * centre[j] -
                    flux * centre[i] * centre[j];
         };
         const double central[6] = {second(0, 0, 0), second(1, 1, 1), second(2, 2, 2),
@@ -380,12 +429,21 @@ ClusterNode ClusterTree::finish(const Raw& raw, const SourceRect& rect,
         out.flux[k] = node.flux[k] = static_cast<float>(flux);
         for (int i = 0; i < 3; ++i) out.first[k][i] = static_cast<float>(first[i]);
         for (int i = 0; i < 6; ++i) out.second[k][i] = static_cast<float>(central[i]);
+        if (flux > 0) {
+            // The root of the sum of squares is above the largest eigenvalue.
+            double squares = 0;
+            for (int i = 0; i < 6; ++i) squares += (i < 3 ? 1 : 2) * central[i] * central[i];
+            deviation2 = std::max(deviation2, std::sqrt(squares) / flux);
+            offset = std::max(offset, glm::length(first) / flux);
+        }
         if (flux > 0) skew = std::max(skew, glm::length(first) / (flux * extent));
     }
     for (int i = 0; i < 3; ++i) out.centre[i] = node.centre[i] = static_cast<float>(centre[i]);
     out.variance = node.variance = std::max(static_cast<float>(variance), 1e-12f);
     node.extent = static_cast<float>(extent);
     node.radius = static_cast<float>(radius + 1e-7);
+    node.deviation = static_cast<float>(1.0001 * std::sqrt(deviation2));
+    node.offset = static_cast<float>(1.0001 * offset);
     const double unevenness = 2 * glm::length(centre - uniform) / extent + skew +
                               0.3 * std::abs(variance / uniform_variance - 1);
     node.unevenness = static_cast<float>(std::min(1.0, unevenness));
@@ -400,13 +458,9 @@ SourceRect ClusterTree::rect_of(const TexelBlock& b) const {
                       b.column1);
 }
 
-SourceRect ClusterTree::texel_rect(const TexelBlock& block, int row, int column) const {
-    return rect_of({block.face, row, row + 1, column, column + 1});
-}
-
-SourcePatch ClusterTree::texel_patch(const TexelBlock& block, int row, int column) const {
-    if (block.face >= 0) return make_patch(texel_rect(block, row, column));
-    return make_patch(theta_terms_[index(row)], phi_terms_[index(column)]);
+TexelPart ClusterTree::texel(const TexelBlock& block, int row, int column) const {
+    if (block.face < 0) return {theta_terms_[index(row)], phi_terms_[index(column)]};
+    return TexelPart(rect_of({block.face, row, row + 1, column, column + 1}));
 }
 
 DVec3 ClusterTree::excess(const TexelBlock& block, int row, int column) const {

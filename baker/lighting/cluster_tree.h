@@ -19,10 +19,11 @@ struct ClusterNode {
     float flux[3];
     float extent;      ///< longest side of the block, radians
     float radius;      ///< every direction of the block is within this of the centre (chord)
+    float deviation;   ///< ClusterSpread, of the worst channel
+    float offset;      ///< likewise
     float unevenness;  ///< 0: as smooth as a uniform block; 1: nothing is known of the distribution
     std::uint32_t first_child[2];  ///< two runs of children, one a row of blocks
-    std::uint16_t child_count[2];  ///< both 0: a base block, to be opened into texels
-    std::uint32_t block;           ///< index into blocks(), for base blocks
+    std::uint16_t child_count[2];  ///< both 0: a base block
 };
 
 /// A block of texels.
@@ -31,12 +32,45 @@ struct TexelBlock {
     std::int32_t row0, row1, column0, column1;
 };
 
+/// Nodes with what belongs to each, index by index.
+struct Clusters {
+    std::vector<ClusterNode> nodes;
+    std::vector<ClusterMoments<float>> moments;
+    std::vector<TexelBlock> blocks;
+};
+
+/// Moments about the origin, 1, x y z, xx yy zz xy xz yz: of the excess of each channel, and the
+/// first four of radiance 1.
+struct RawMoments {
+    double of[3][10] = {};
+    double uniform[4] = {};
+
+    void add(const RawMoments& o) {
+        for (int k = 0; k < 3; ++k) {
+            for (int j = 0; j < 10; ++j) of[k][j] += o.of[k][j];
+        }
+        for (int j = 0; j < 4; ++j) uniform[j] += o.uniform[j];
+    }
+};
+
+/// A block of no more texels than this is opened into them.
+inline constexpr int kFewTexels = 16;
+
+/// The inside of a base block, down to blocks of few texels. Node 0 is the block itself.
+/// Central moments are made when they are asked for: most never are.
+struct OpenedBlock {
+    Clusters clusters;
+    std::vector<RawMoments> raw;
+    std::vector<bool> finished;
+};
+
 /// The environment as a hierarchy of nearly square blocks of texels, each with the exact moments of
 /// its radiance. What every direction sees, the least radiance of each channel, is taken out first
 /// and kept apart: a constant map has nothing left to integrate.
 ///
 /// Lat-long: rows of blocks hold a power of two of them that keeps them square towards the poles. A
-/// parent owns runs of blocks in two rows. Cube: a quadtree a face.
+/// parent owns runs of blocks in two rows. Cube: a quadtree a face. Base blocks are opened when
+/// they are asked for, first into blocks of a few texels: memory does not grow with the map.
 ///
 /// Cost: O(texels), parallel over rows of blocks. Moments are summed in double, in a fixed order.
 class ClusterTree {
@@ -46,13 +80,14 @@ class ClusterTree {
     /// it is: 37,000 base blocks, 30 MB with what it takes to build them.
     ClusterTree(const Environment& environment, double base_extent_rad);
 
+    const Clusters& clusters() const { return clusters_; }
     const std::vector<std::uint32_t>& roots() const { return roots_; }
-    const ClusterNode& node(std::uint32_t i) const { return nodes_[i]; }
-    const ClusterMoments<float>& moments(std::uint32_t i) const { return moments_[i]; }
-    const TexelBlock& block(std::uint32_t i) const { return blocks_[i]; }
+    /// O(texels of the block).
+    OpenedBlock open(const TexelBlock& block) const;
+    /// Makes node i of an opened block and its moments what they should be.
+    void finish(OpenedBlock& opened, std::uint32_t i) const;
 
-    SourceRect texel_rect(const TexelBlock& block, int row, int column) const;
-    SourcePatch texel_patch(const TexelBlock& block, int row, int column) const;
+    TexelPart texel(const TexelBlock& block, int row, int column) const;
     /// Radiance over the floor, times scale().
     DVec3 excess(const TexelBlock& block, int row, int column) const;
 
@@ -65,13 +100,17 @@ class ClusterTree {
     DVec3 mean() const { return mean_excess_ + floor_ * scale_; }
 
   private:
-    struct Raw;
     struct Level;
-    Level lat_long_base(const LatLongGrid& grid, int rows_per_block);
-    Level cube_base(const CubeGrid& grid, int texels_per_block);
+    using Factors = std::array<double, 10>;
+    void prepare(const LatLongGrid& grid);
+    Level lat_long_base(const LatLongGrid& grid, int rows_per_block) const;
+    Level cube_base(const CubeGrid& grid, int texels_per_block) const;
     Level coarser(const Level& fine) const;
     void append(const Level& level, const Level* finer, std::uint32_t finer_first);
-    ClusterNode finish(const Raw& raw, const SourceRect& rect, ClusterMoments<float>& out) const;
+    void fill(OpenedBlock& opened, std::size_t slot) const;
+    void add_texels(const TexelBlock& block, RawMoments& sum) const;
+    ClusterNode make_node(const RawMoments& raw, const SourceRect& rect,
+                          ClusterMoments<float>& out) const;
     SourceRect rect_of(const TexelBlock& block) const;
 
     const Environment* environment_;
@@ -80,9 +119,9 @@ class ClusterTree {
     DVec3 scale_{1};
     std::vector<ThetaTerms> theta_terms_;  ///< of the rows and columns of a lat-long grid
     std::vector<PhiTerms> phi_terms_;
-    std::vector<ClusterNode> nodes_;
-    std::vector<ClusterMoments<float>> moments_;
-    std::vector<TexelBlock> blocks_;
+    /// The moments of a texel are the products of its row's and its column's, one by one.
+    std::vector<Factors> row_factors_, column_factors_;
+    Clusters clusters_;
     std::vector<std::uint32_t> roots_;
 };
 

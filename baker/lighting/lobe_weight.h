@@ -26,74 +26,83 @@ struct WeightTerms {
 };
 
 /// What a lobe is at some distance from its axis.
-template <class S>
+template <class Real>
 struct WeightNearby {
-    S density;         ///< D
-    S envelope;        ///< of what D changes by over l
-    S inverse_length;  ///< 1 / l
+    Real density;          ///< D
+    Real envelope;         ///< of what D changes by over l
+    Real inverse_length2;  ///< 1 / l^2
 };
 
-/// GGX, [Walter07] eq. 33, without the factor A / pi:
+/// GGX, [Walter07] eq. 33, over its peak:
 ///
-///     D = t^2,  t = 1 / (A + b u),  u = 1 - mu,  A = alpha^2,  b = (1 - A) / 2
+///     D = t^2,  t = 1 / (1 + k u),  u = 1 - mu,  k = (1 - A) / (2 A),  A = alpha^2
 ///
-/// norm = 2 pi / b^2 (x - ln(1 + x)), x = b / A, and pi at alpha = 1.
+/// norm = 2 pi (k - ln(1 + k)) / k^2, and pi at alpha = 1. Over its peak: in float the fourth
+/// derivative would overflow otherwise.
 template <class S>
 struct GgxWeight {
-    S A = 1;
-    S b = 0;
+    S k = 0;
     S inverse_norm = 1;
 
     static GgxWeight of(double alpha) {
-        const double a = alpha * alpha;
-        const double half = (1 - a) / 2;
-        const double x = half / a;
-        // x - ln(1 + x) over x^2, by its series where the difference would cancel.
+        const double A = alpha * alpha;
+        const double k = (1 - A) / (2 * A);
+        // By its series where the difference would cancel.
         const double ratio =
-            x < 1e-2 ? 0.5 - x * (1.0 / 3 - x * (1.0 / 4 - x * (1.0 / 5 - x * (1.0 / 6 - x / 7))))
-                     : (x - std::log1p(x)) / (x * x);
-        const double norm = 2 * std::numbers::pi / (a * a) * ratio;
-        return {static_cast<S>(a), static_cast<S>(half), static_cast<S>(1 / norm)};
+            k < 1e-2 ? 0.5 - k * (1.0 / 3 - k * (1.0 / 4 - k * (1.0 / 5 - k * (1.0 / 6 - k / 7))))
+                     : (k - std::log1p(k)) / (k * k);
+        return {static_cast<S>(k), static_cast<S>(1 / (2 * std::numbers::pi * ratio))};
     }
 
     /// `cosine` and `slope` stand for max(0, mu) and its derivative.
     template <class Real>
     [[gnu::always_inline]] WeightTerms<Real> terms(const Real& u, const Real& cosine,
                                                    const Real& slope) const {
-        const Real t = S(1) / (u * b + A);
-        const Real y = t * b;
+        const Real t = S(1) / (u * k + S(1));
+        const Real y = t * k;
         const Real d0 = t * t, d1 = d0 * y, d2 = d1 * y, d3 = d2 * y;
         const Real y_cosine = y * cosine;
         return {d0 * cosine, d0 * (slope + S(2) * y_cosine), d1 * (S(2) * slope + S(3) * y_cosine),
                 d2 * (S(3) * slope + S(4) * y_cosine), d3 * (S(4) * slope + S(5) * y_cosine)};
     }
 
-    WeightNearby<S> nearby(S distance) const {
-        const S t = 1 / (A + b * distance * distance / 2);
-        return {t * t, t * t, std::sqrt(b * t / 2)};
+    /// By the square of the distance from the axis, as a chord: 2 u.
+    template <class Real>
+    WeightNearby<Real> nearby(const Real& distance2) const {
+        const Real t = S(1) / (distance2 * (k / 2) + S(1));
+        return {t * t, t * t, t * (k / 2)};
     }
-    S density_at_horizon() const { return 1 / ((A + b) * (A + b)); }
+    /// Taylor coefficients of D about any place between these distances, at most: (n + 1) t^2 y^n.
+    template <class Real>
+    WeightTerms<Real> bounds(const Real& closest2, const Real& /*furthest2*/) const {
+        const Real t = S(1) / (closest2 * (k / 2) + S(1)), y = t * k;
+        const Real d0 = t * t, d1 = d0 * y, d2 = d1 * y, d3 = d2 * y;
+        return {d0, d1 * S(2), d2 * S(3), d3 * S(4), d3 * y * S(5)};
+    }
+    S density_at_horizon() const { return 1 / ((1 + k) * (1 + k)); }
     /// How far the lobe's core reaches, as a chord.
-    double core() const { return std::sqrt(2 * static_cast<double>(A) / least_b()); }
+    double core() const { return std::sqrt(2 / std::max(static_cast<double>(k), 1e-3)); }
 
     /// A block of this extent serves the coarse front: (extent / l)^2.
     static constexpr double kFrontExtent2 = 1;
     /// Measured: the errors of one source, and of the lobe's core, beside those of GGX.
     static constexpr double kCurvature = 1;
     static constexpr double kCore = 1;
+    /// See part_error_bound().
+    static constexpr double kPartBound = 1.5, kCutBound = 0.25;
+    /// Measured: what sums over many sources come to.
+    static constexpr float kCoreSum = 0.06f, kCurvatureSum = 1, kMissedSum = 0.025f;
     /// The tail falls so slowly that no source is too far to matter.
     static constexpr bool kTailEnds = false;
     /// Interpolation from 8 Chebyshev points over +-half_width, relative to `near`: a pole at
     /// distance l is missed by 4 n rho^-n.
     S missed(const WeightNearby<S>& near, S half_width) const {
-        const S x = near.inverse_length > 0 ? 1 / (near.inverse_length * half_width) : S(1e3);
+        const S x =
+            near.inverse_length2 > 0 ? 1 / (std::sqrt(near.inverse_length2) * half_width) : S(1e3);
         const S rho = x + std::sqrt(1 + x * x);
         const S rho2 = rho * rho, rho4 = rho2 * rho2;
         return near.density * 32 / (rho4 * rho4);
     }
-
-  private:
-    double least_b() const { return std::max(static_cast<double>(b), 1e-3); }
 };
 
 /// Beckmann, [Walter07] eq. 25, without the factor 1 / (pi A):
@@ -140,20 +149,37 @@ struct BeckmannWeight {
                 d2 * l2 * slope + d3 * l3 * cosine, d3 * l3 * slope + d4 * l4 * cosine};
     }
 
-    WeightNearby<S> nearby(S distance) const {
-        const S u = std::min(distance * distance / 2, kMost);
-        const S i = 2 / (2 - u);
-        const S root = std::exp(-u * i / 4 * inverse_A) * i;
+    template <class Real>
+    WeightNearby<Real> nearby(const Real& distance2) const {
+        const Real most = Real{} + kMost, half = distance2 * S(0.5);
+        const Real u = half < most ? half : most;
+        const Real i = S(2) / (S(2) - u);
+        const Real root = exponential(u * i * (S(-0.25) * inverse_A)) * i;
         // A Gaussian's derivatives are Hermite functions, which its square root bounds: Cramer's
         // inequality, [Abramowitz64] 22.14.17. Its width is sqrt(2) alpha in 2 tan(theta / 2).
-        return {root * root, root, S(1 / std::numbers::sqrt2) / alpha * i};
+        return {root * root, root, i * i * (S(0.5) * inverse_A)};
+    }
+    /// Taylor coefficients of D about any place between these distances, at most: those of the
+    /// Laguerre polynomials made positive, (i / 2)^n L_n^(1)(-i / A) D.
+    template <class Real>
+    WeightTerms<Real> bounds(const Real& closest2, const Real& furthest2) const {
+        const Real most = Real{} + kMost, half = furthest2 * S(0.5);
+        const Real i = S(2) / (S(2) - (half < most ? half : most));
+        const Real d0 = nearby(closest2).density;
+        const Real x = i * inverse_A, y = i * S(0.5);
+        const Real d1 = d0 * y, d2 = d1 * y, d3 = d2 * y, d4 = d3 * y;
+        return {d0, d1 * (x + S(2)), d2 * (x * (x * S(0.5) + S(3)) + S(3)),
+                d3 * (x * (x * (x * S(1.0 / 6) + S(2)) + S(6)) + S(4)),
+                d4 * (x * (x * (x * (x * S(1.0 / 24) + S(5.0 / 6)) + S(5)) + S(10)) + S(5))};
     }
     S density_at_horizon() const { return 4 * std::exp(-inverse_A); }
     double core() const { return 2 * static_cast<double>(alpha); }
 
     static constexpr double kFrontExtent2 = 4;
-    static constexpr double kCurvature = 0.1;
-    static constexpr double kCore = 0.05;
+    static constexpr double kCurvature = 0.03;
+    static constexpr double kCore = 0.015;
+    static constexpr double kPartBound = 0.05, kCutBound = 0.08;
+    static constexpr float kCoreSum = 0.02f, kCurvatureSum = 0.7f, kMissedSum = 0.02f;
     static constexpr bool kTailEnds = true;
     /// A Gaussian of width sqrt(2) alpha is missed by some (half_width / width)^8.
     S missed(const WeightNearby<S>& near, S half_width) const {

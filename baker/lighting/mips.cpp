@@ -39,14 +39,15 @@ double alpha_of(float perceptual_roughness) {
 
 /// Measured: the worst texel then has a third of the tolerance on photographs, and all of it where
 /// a map is made against the method (a texel of 120 degrees beside one a thousand times darker).
-lighting::PrefilterAccuracy accuracy_for(double tolerance) {
+lighting::PrefilterAccuracy accuracy_for(double tolerance, bool certify) {
     const double relative = std::clamp(tolerance, 1e-5, 0.3) / 1e-3;
     const double cluster = 3e-5 * (relative < 1 ? relative * std::sqrt(relative) : relative);
     return {.cluster = cluster,
             .horizon = 4 * cluster,
             .extent2 = std::clamp(std::cbrt(6 * tolerance), 0.03, 0.5),
-            .interpolation = 1e-3 * std::min(relative, 5.0),
-            .negligible = 1e-6 * relative};
+            .interpolation = 1e-3 * std::min(relative < 1 ? relative * relative : relative, 5.0),
+            .negligible = (certify ? 1e-7 : 1e-6) * relative,
+            .proved = certify ? tolerance : 0};
 }
 
 }  // namespace
@@ -83,13 +84,14 @@ std::vector<Mip> bake_mips(const MipsJob& job, const Environment& environment, P
                                  .layout = job.layout,
                                  .size = size,
                                  .channels = job.channels,
-                                 .accuracy = accuracy_for(job.tolerance)},
+                                 .accuracy = accuracy_for(job.tolerance, job.certify)},
                                 progress);
         mip.texels = std::move(result.texels);
         // A map without excess over its floor is a constant one, and exact.
         const bool constant = tree->mean_excess() == DVec3{0};
-        mip.error_estimate =
-            kRounding + (constant ? 0 : std::max(result.error_estimate, job.tolerance / 2));
+        const double error =
+            job.certify ? result.error_bound : std::max(result.error_estimate, 0.9 * job.tolerance);
+        mip.error_estimate = kRounding + (constant ? 0 : error);
     }
     return mips;
 }

@@ -18,7 +18,8 @@ struct MipsJob {
     double tolerance = 1e-2;  ///< worst |v - r| / (r + 1e-3 mean) over texels and channels
     runtime::Distribution distribution = runtime::Distribution::Ggx;
     MipLayout layout = MipLayout::CubeFaces;
-    int channels = 3;  ///< 1: the map is grey, red stands for all
+    int channels = 3;      ///< 1: the map is grey, red stands for all
+    bool certify = false;  ///< open sources until the sum of their error bounds is below tolerance
 };
 
 /// "environment/mips/K": prefiltered radiance, row by row.
@@ -29,11 +30,13 @@ struct Mip {
     int channels = 3;
     float perceptual_roughness = 0;
     std::vector<float> texels;  ///< [faces, height, width, channels]
-    /// In the norm of MipsJob::tolerance. Calibrated, not proved: sums of the estimates of the
-    /// worst tile, with factors that keep it above the worst of the texels compared with brute
-    /// force on photographs and synthetic skies, and never under half the tolerance. On maps made
-    /// against the method (3 x 5 texels, a thousand to one) the error was seen to reach 1.35 times
-    /// the tolerance. Mip 0, and constant maps: rounding alone.
+    /// In the norm of MipsJob::tolerance. With MipsJob::certify it is proved: the sum over sources
+    /// of what each can err by at most (error_bound.h), of the worst texel; no texel is further
+    /// off.
+    ///
+    /// Otherwise calibrated, not proved: sums of the estimates of the worst tile, with factors that
+    /// keep it above the worst texel of every map compared, all texels of them, and never under 0.9
+    /// of the tolerance. Mip 0, and constant maps: rounding alone.
     double error_estimate = 0;
 };
 
@@ -45,10 +48,11 @@ struct Mip {
 /// and the greatest radiance of their channel; a constant map stays constant.
 ///
 /// Cost of a 1024 x 512 photograph on one core at tolerance 1e-3, mip 0 of 256 texels and r = 1/4,
-/// 1/2, 3/4, 1 on faces of 128, 64, 32, 16: 65 to 75 ms for GGX, 110 to 130 ms for Beckmann; of
+/// 1/2, 3/4, 1 on faces of 128, 64, 32, 16: 75 to 90 ms for GGX, 130 to 140 ms for Beckmann; of
 /// these mip 0 takes 16 and the clusters 12 to 17. Lobes narrower than a texel of the mip cost some
-/// 50 to 90 us a texel. Memory: 25 MB for the clusters, however large the map. Threads: tiles in
-/// parallel; the same bits on any number of threads.
+/// 5 to 25 us a texel down to r = 0.02, 200 us below. Memory: 25 MB for the clusters, however large
+/// the map. Certified the five take some 40 s, ten times less at 1e-2. Threads: tiles in parallel;
+/// the same bits on any number of threads.
 std::vector<Mip> bake_mips(const MipsJob& job, const Environment& environment, Progress& progress);
 
 }  // namespace envbake

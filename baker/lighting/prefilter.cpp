@@ -10,19 +10,25 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <numbers>
+#include <type_traits>
+#include <vector>
 
 namespace envbake::lighting {
 namespace {
 
 constexpr int kInterpolatedTile = 16;  // texels a side
 constexpr int kDirectTile = 8;
+constexpr int kSharpTile = 4;
+constexpr std::size_t kTilesAtATime = 8;  // neighbours: what one has opened serves the next
+
+/// From here on float has too few digits for the position and the powers of a lobe's width.
+constexpr double kLeastAlphaInFloat = 3.9e-4;
 
 enum class Method {
-    Interpolated,  ///< tiles of 16 x 16 texels
-    Direct,        ///< tiles of 8 x 8 texels or fewer
-    Singly,        ///< texel by texel, in double
+    Interpolated,  ///< tiles of 16 x 16 texels, as wide as the lobe at most
+    Direct,        ///< of 8 x 8, likewise; of 4 x 4 on the smallest faces
+    Sharp,         ///< of 4 x 4, each texel judged by itself
 };
 
 struct Tiling {
@@ -30,50 +36,66 @@ struct Tiling {
     int tile_size;
 };
 
-/// A tile should not be much wider than the lobe's core.
-Tiling tiling_for(double core, int size) {
+Tiling tiling_for(double core, int size, const PrefilterAccuracy& accuracy) {
     const double texel = std::numbers::pi / 2 / size;
-    if (core < texel) return {Method::Singly, kDirectTile};
-    if (core < 0.8 && size >= 2 * kInterpolatedTile && kInterpolatedTile * texel <= 1.6 * core) {
+    // What 8 points miss falls with the eighth power of the tile's width.
+    const double widest =
+        1.6 * core * std::pow(std::min(1.0, accuracy.interpolation / 1e-3), 0.125);
+    if (accuracy.proved > 0) return {Method::Sharp, kSharpTile};
+    if (core < 0.8 && size >= 2 * kInterpolatedTile && kInterpolatedTile * texel <= widest) {
         return {Method::Interpolated, kInterpolatedTile};
     }
-    int tile = kDirectTile;
-    while (tile > 1 && tile * texel > std::min(1.6 * core, 0.6)) tile /= 2;
-    return {Method::Direct, tile};
+    if (kDirectTile * texel <= std::min(1.6 * core, 0.6)) return {Method::Direct, kDirectTile};
+    if (core >= 0.8) return {Method::Direct, kSharpTile};
+    // Far apart, texels have no list of sources in common.
+    return {Method::Sharp, kSharpTile};
 }
 
-/// The lobe is GgxWeight or BeckmannWeight, the channels are 1 or 3.
-template <template <class> class Lobe, int kChannels>
+/// The lobe is GgxWeight or BeckmannWeight, the numbers float or double, the channels 1 or 3.
+template <template <class> class Lobe, class S, int kChannels>
 class Prefilter {
   public:
     Prefilter(const ClusterTree& tree, const PrefilterJob& job)
         : tree_(tree),
           job_(job),
-          weight_(Lobe<double>::of(job.alpha)),
-          weight_f_(Lobe<float>::of(job.alpha)),
-          tiling_(tiling_for(weight_.core(), job.size)),
+          weight_(Lobe<S>::of(job.alpha)),
+          tiling_(tiling_for(weight_.core(), job.size, job.accuracy)),
           grid_(job.layout, job.size, tiling_.tile_size) {}
 
     Prefiltered run(Progress& progress) const {
-        Prefiltered result;
-        result.texels.resize(grid_.texel_count() * kChannels);
-        std::vector<TileEstimate> sums(grid_.tile_count());
-        parallel_for(sums.size(), [&](std::size_t i) {
-            const OutputTile tile = grid_.tile(i);
-            if (tile.texels.empty()) return;
-            sums[i] = tiling_.method == Method::Singly ? bake_singly(tile, result.texels)
-                                                       : bake(tile, result.texels);
-            progress.add(tile.texels.size());
-        });
-        for (const TileEstimate& s : sums) {
-            result.error_estimate = std::max(result.error_estimate, s.error());
-        }
-        return result;
+        return tiling_.method == Method::Sharp ? run_from<FromPoints<S>>(progress)
+                                               : run_from<FromDisc<S>>(progress);
     }
 
   private:
+    template <class View>
+    Prefiltered run_from(Progress& progress) const {
+        Prefiltered result;
+        result.texels.resize(grid_.texel_count() * kChannels);
+        const std::size_t tiles = grid_.tile_count();
+        std::vector<double> estimates((tiles + kTilesAtATime - 1) / kTilesAtATime);
+        std::vector<double> bounds(estimates.size());
+        parallel_for(estimates.size(), [&](std::size_t i) {
+            SourceWalk<Lobe, S, View> walk(tree_, weight_, kChannels, job_.accuracy);
+            const std::size_t end = std::min((i + 1) * kTilesAtATime, tiles);
+            for (std::size_t t = i * kTilesAtATime; t < end; ++t) {
+                const OutputTile tile = grid_.tile(t);
+                if (tile.texels.empty()) continue;
+                const std::vector<DVec3> received = bake(tile, walk, result.texels);
+                estimates[i] = std::max(estimates[i], walk.error_estimate(received));
+                if constexpr (std::is_same_v<View, FromPoints<S>>) {
+                    bounds[i] = std::max(bounds[i], walk.error_bound(received));
+                }
+                progress.add(tile.texels.size());
+            }
+        });
+        result.error_estimate = *std::max_element(estimates.begin(), estimates.end());
+        result.error_bound = *std::max_element(bounds.begin(), bounds.end());
+        return result;
+    }
+
     void write(std::size_t texel, const DVec3& sum, std::vector<float>& texels) const {
-        const DVec3 value = glm::clamp(tree_.floor() + sum * (weight_.inverse_norm / tree_.scale()),
+        const DVec3 value = glm::clamp(tree_.floor() + sum * (inverse_norm() / tree_.scale()),
                                        tree_.floor(), tree_.ceiling());
         for (int k = 0; k < kChannels; ++k) {
             texels[texel * kChannels + static_cast<std::size_t>(k)] = static_cast<float>(value[k]);
@@ -81,53 +103,71 @@ class Prefilter {
     }
 
     DVec3 received(const DVec3& sum) const {
-        return tree_.floor() * tree_.scale() + glm::max(sum, DVec3{0}) * weight_.inverse_norm;
+        return tree_.floor() * tree_.scale() + glm::max(sum, DVec3{0}) * inverse_norm();
     }
+    double inverse_norm() const { return static_cast<double>(weight_.inverse_norm); }
 
-    TileEstimate bake(const OutputTile& tile, std::vector<float>& texels) const {
+    /// Returns what the texels receive.
+    template <class View>
+    std::vector<DVec3> bake(const OutputTile& tile, SourceWalk<Lobe, S, View>& walk,
+                            std::vector<float>& texels) const {
         const bool interpolate = tiling_.method == Method::Interpolated;
         const DVec3 middle = tile.towards(0, 0);
         double radius = 0;
         for (const DVec3& d : tile.lattice(2, 2))
             radius = std::max(radius, glm::length(d - middle));
-
-        SourceWalk<Lobe, float> walk(tree_, weight_f_, kChannels, job_.accuracy);
-        walk.begin(middle, radius, radius / std::numbers::sqrt2);
-        const Points coarse_points(tile.lattice(4, 4));
-        Sums<kChannels> coarse(coarse_points.groups());
-        for (const std::uint32_t i : walk.front()) {
-            const auto& n = tree_.node(i);
-            const auto& m = tree_.moments(i);
-            if (walk.straddles(n.centre, static_cast<double>(n.radius))) {
-                add_cluster_at<true>(weight_f_, m, coarse_points, coarse);
+        const Points<S> points(tile.directions, middle);
+        constexpr bool kSharp = std::is_same_v<View, FromPoints<S>>;
+        const View view = [&] {
+            if constexpr (kSharp) {
+                return View(points);
             } else {
-                add_cluster_at<false>(weight_f_, m, coarse_points, coarse);
+                return View(middle, radius);
+            }
+        }();
+        walk.begin(middle, radius, radius / std::numbers::sqrt2, view);
+
+        const Points<S> coarse_points = kSharp ? points : Points<S>(tile.lattice(4, 4), middle);
+        Sums<S, kChannels> coarse(coarse_points.groups());
+        walk.front([&](const Sources<S>&, const Sources<S>& far) {
+            add_all(weight_, far, coarse_points, coarse);
+        });
+        std::vector<DVec3> arriving;
+        for (std::size_t p = 0; p < coarse_points.groups() * kLanes<S>; ++p) {
+            arriving.push_back(received(coarse.at(p)));
+        }
+        if (!kSharp) {
+            for (const DVec3& one : arriving) arriving[0] = glm::min(arriving[0], one);
+            arriving.resize(1);
+        }
+
+        Sums<S, kChannels> sums(points.groups());
+        if constexpr (std::is_same_v<S, float> && !kSharp) {
+            if (interpolate) {
+                Sums<S, kChannels> at_nodes(nodes_per_tile());
+                const Points<S> nodes(nodes_of(tile), middle);
+                walk.refine(arriving, true, [&](const Sources<S>& near, const Sources<S>& far) {
+                    add_all(weight_, near, points, sums);
+                    add_all(weight_, far, nodes, at_nodes);
+                });
+                basis_.add_interpolated(at_nodes, in_groups<S>(tile.x), in_groups<S>(tile.y), sums);
             }
         }
-        DVec3 darkest(std::numeric_limits<double>::max());
-        for (std::size_t p = 0; p < kLanes; ++p) {
-            darkest = glm::min(darkest, received(coarse.at(p)));
+        if (!interpolate) {
+            walk.refine(arriving, false, [&](const Sources<S>&, const Sources<S>& far) {
+                add_all(weight_, far, points, sums);
+            });
         }
-        walk.refine(darkest, interpolate);
-
-        const Points points(tile.directions);
-        Sums<kChannels> sums(points.groups());
-        add_all(tree_, weight_f_, walk.near_sources(), points, sums);
-        if (interpolate) {
-            Sums<kChannels> at_nodes(nodes_per_tile());
-            add_all(tree_, weight_f_, walk.far_sources(), Points(nodes_of(tile)), at_nodes);
-            basis_.add_interpolated(at_nodes, in_groups(tile.x), in_groups(tile.y), sums);
-        } else {
-            add_all(tree_, weight_f_, walk.far_sources(), points, sums);
-        }
+        arriving.clear();
         for (std::size_t p = 0; p < tile.texels.size(); ++p) {
             write(tile.texels[p], sums.at(p), texels);
+            arriving.push_back(received(sums.at(p)));
         }
-        return walk.estimated();
+        return arriving;
     }
 
     static constexpr std::size_t nodes_per_tile() {
-        return ChebyshevBasis::kCount * ChebyshevBasis::kCount / kLanes;
+        return ChebyshevBasis::kCount * ChebyshevBasis::kCount / kLanes<float>;
     }
     std::vector<DVec3> nodes_of(const OutputTile& tile) const {
         std::vector<DVec3> nodes;
@@ -139,58 +179,25 @@ class Prefilter {
         return nodes;
     }
 
-    /// Lobes narrower than an output texel: neighbours share nothing, and float has too few digits.
-    TileEstimate bake_singly(const OutputTile& tile, std::vector<float>& texels) const {
-        SourceWalk<Lobe, double> walk(tree_, weight_, kChannels, job_.accuracy);
-        TileEstimate worst;
-        for (std::size_t p = 0; p < tile.texels.size(); ++p) {
-            const DVec3& d = tile.directions[p];
-            walk.begin(d, 0, 0);
-            DVec3 coarse{0};
-            for (const std::uint32_t i : walk.front()) add(i, d, &coarse.x);
-            walk.refine(received(coarse), false);
-            DVec3 sum{0};
-            const Sources<double>& sources = walk.far_sources();
-            for (const std::uint32_t i : sources.clusters) add(i, d, &sum.x);
-            for (const std::uint32_t i : sources.horizon_clusters) add(i, d, &sum.x);
-            for (const auto& m : sources.patches) {
-                add_patch<false, kChannels>(weight_, m, d.x, d.y, d.z, &sum.x);
-            }
-            for (const auto& m : sources.horizon_patches) {
-                add_patch<true, kChannels>(weight_, m, d.x, d.y, d.z, &sum.x);
-            }
-            write(tile.texels[p], sum, texels);
-            worst.keep_largest(walk.estimated());
-        }
-        return worst;
-    }
-
-    void add(std::uint32_t i, const DVec3& d, double* sum) const {
-        const ClusterMoments<float>& f = tree_.moments(i);
-        ClusterMoments<double> m;
-        for (int a = 0; a < 3; ++a) {
-            m.centre[a] = static_cast<double>(f.centre[a]);
-            m.flux[a] = static_cast<double>(f.flux[a]);
-            for (int b = 0; b < 3; ++b) m.first[a][b] = static_cast<double>(f.first[a][b]);
-            for (int b = 0; b < 6; ++b) m.second[a][b] = static_cast<double>(f.second[a][b]);
-        }
-        m.variance = static_cast<double>(f.variance);
-        add_cluster<true, kChannels>(weight_, m, d.x, d.y, d.z, sum);
-    }
-
     const ClusterTree& tree_;
     const PrefilterJob& job_;
-    Lobe<double> weight_;
-    Lobe<float> weight_f_;
+    Lobe<S> weight_;
     Tiling tiling_;
     OutputGrid grid_;
     ChebyshevBasis basis_;
 };
 
+template <template <class> class Lobe, class S>
+Prefiltered prefilter_in(const ClusterTree& tree, const PrefilterJob& job, Progress& progress) {
+    return job.channels == 1 ? Prefilter<Lobe, S, 1>(tree, job).run(progress)
+                             : Prefilter<Lobe, S, 3>(tree, job).run(progress);
+}
+
 template <template <class> class Lobe>
 Prefiltered prefilter_with(const ClusterTree& tree, const PrefilterJob& job, Progress& progress) {
-    return job.channels == 1 ? Prefilter<Lobe, 1>(tree, job).run(progress)
-                             : Prefilter<Lobe, 3>(tree, job).run(progress);
+    const bool in_double = job.alpha < kLeastAlphaInFloat || job.accuracy.proved > 0;
+    return in_double ? prefilter_in<Lobe, double>(tree, job, progress)
+                     : prefilter_in<Lobe, float>(tree, job, progress);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include "baker/lighting/lobe_weight.h"
 
 #include <cmath>
+#include <type_traits>
 
 namespace envbake::lighting {
 
@@ -18,14 +19,35 @@ struct ClusterMoments {
     S second[3][6];  ///< [channel] integral of L (w - centre)(w - centre)^T: xx yy zz xy xz yz
 };
 
-/// Part of a texel: uniform radiance over a parallelogram.
+/// The same in float or double; no copy where they are what is asked for.
+template <class S>
+decltype(auto) in_precision(const ClusterMoments<float>& from) {
+    if constexpr (std::is_same_v<S, float>) {
+        return (from);
+    } else {
+        ClusterMoments<S> m;
+        for (int i = 0; i < 3; ++i) {
+            m.centre[i] = static_cast<S>(from.centre[i]);
+            m.flux[i] = static_cast<S>(from.flux[i]);
+            for (int j = 0; j < 3; ++j) m.first[i][j] = static_cast<S>(from.first[i][j]);
+            for (int j = 0; j < 6; ++j) m.second[i][j] = static_cast<S>(from.second[i][j]);
+        }
+        m.variance = static_cast<S>(from.variance);
+        return m;
+    }
+}
+
+/// A texel or a part of one: uniform radiance over a parallelogram.
 template <class S>
 struct PatchMoments {
-    S centre[3];
+    S centre[3];  ///< less the origin of the tile's directions: a small patch keeps its digits
     S variance;
     S flux[3];
     S half_a[3];  ///< half sides
     S half_b[3];
+    S slope_a, slope_b;  ///< centre . half_a, centre . half_b: all but 0
+    S bulge_a, bulge_b;  ///< -2/15 |half_a|^2, -2/15 |half_b|^2
+    S radial;            ///< (|half_a|^4 + |half_b|^4) / 45
 };
 
 template <class Real>
@@ -99,15 +121,17 @@ inline void add_cluster(const Weight& weight, const ClusterMoments<S>& n, const 
     }
 }
 
-/// The same for a patch, whose second and fourth moments are those of its own parallelogram.
+/// The same for a patch, with the moments of its own parallelogram bent onto the sphere: with
+/// r = V - |s half_a + t half_b|^2 / 2 the offset along the centre, E3 = 3 mu E[(p s + q t)^2 r]. d
+/// is counted from the origin of the patch's centre.
 template <bool kHorizon, int kChannels, class Weight, class Real, class S>
 inline void add_patch(const Weight& weight, const PatchMoments<S>& n, const Real& dx,
                       const Real& dy, const Real& dz, Real* sum) {
     const Real x = dx - n.centre[0], y = dy - n.centre[1], z = dz - n.centre[2];
     const Real u = (x * x + y * y + z * z) * S(0.5) + n.variance;
     const Real mu = S(1) - u;
-    const Real p = dx * n.half_a[0] + dy * n.half_a[1] + dz * n.half_a[2];
-    const Real q = dx * n.half_b[0] + dy * n.half_b[1] + dz * n.half_b[2];
+    const Real p = x * n.half_a[0] + y * n.half_a[1] + z * n.half_a[2] + n.slope_a;
+    const Real q = x * n.half_b[0] + y * n.half_b[1] + z * n.half_b[2] + n.slope_b;
     Real cosine = mu, slope = Real{} + S(1);
     if constexpr (kHorizon) {
         const Cosine<Real> c = cosine_over_parallelogram<Real, S>(mu, p > Real{} ? p : -p,
@@ -117,8 +141,8 @@ inline void add_patch(const Weight& weight, const PatchMoments<S>& n, const Real
     }
     const WeightTerms<Real> k = weight.template terms<Real>(u, cosine, slope);
     const Real p2 = p * p, q2 = q * q;
-    const Real second = (p2 + q2) * S(1.0 / 3) + S(0.4) * n.variance * n.variance;
-    const Real third = mu * (p2 + q2) * (S(-0.4) * n.variance);
+    const Real second = (p2 + q2) * S(1.0 / 3) + n.radial;
+    const Real third = mu * (p2 * n.bulge_a + q2 * n.bulge_b);
     const Real fourth = (p2 * p2 + q2 * q2) * S(0.2) + p2 * q2 * S(2.0 / 3);
     const Real total = k.k0 + k.k2 * second + k.k3 * third + k.k4 * fourth;
     for (int c = 0; c < kChannels; ++c) sum[c] += total * n.flux[c];

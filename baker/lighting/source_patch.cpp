@@ -15,9 +15,46 @@ DVec3 vector(const std::array<double, 3>& w) {
     return {w[0], w[1], w[2]};
 }
 
-/// sin(x) / x
-double sinc(double x) {
-    return std::abs(x) < 1e-6 ? 1 - x * x / 6 : std::sin(x) / x;
+/// An angle by its sine and cosine.
+struct Angle {
+    double sine, cosine;
+
+    /// Of an angle in [0, pi].
+    Angle halved() const {
+        if (cosine < 0) {
+            const double s = std::sqrt((1 - cosine) / 2);
+            return {s, sine / (2 * s)};
+        }
+        const double c = std::sqrt((1 + cosine) / 2);
+        return {sine / (2 * c), c};
+    }
+    friend Angle operator+(const Angle& a, const Angle& b) {
+        return {a.sine * b.cosine + a.cosine * b.sine, a.cosine * b.cosine - a.sine * b.sine};
+    }
+    friend Angle operator-(const Angle& a, const Angle& b) { return a + Angle{-b.sine, b.cosine}; }
+};
+
+ThetaTerms theta_terms_of(double half_rad, const Angle& middle, const Angle& half) {
+    // Integral of sin^2 as that of the middle and a remainder: no digits are lost next to a pole.
+    const double integral = 2 * middle.sine * half.sine;
+    const double sin_two_half = 2 * half.sine * half.cosine;
+    const double of_sin2 = middle.sine * middle.sine * sin_two_half + (half_rad - sin_two_half / 2);
+    const Angle first = middle - half, last = middle + half;
+    const double widest = last.cosine >= 0 ? last.sine : first.cosine <= 0 ? first.sine : 1;
+    return {.half = half_rad,
+            .sine = middle.sine,
+            .cosine = middle.cosine,
+            .sin_half = half.sine,
+            .cos_half = half.cosine,
+            .integral = integral,
+            .ring = of_sin2 / integral,
+            .height = middle.cosine * half.cosine,
+            .widest = widest,
+            .taper = std::abs(middle.cosine * half.sine) / (middle.sine * half.cosine)};
+}
+
+PhiTerms phi_terms_of(double half_rad, const Angle& middle, const Angle& half) {
+    return {half_rad, middle.sine, middle.cosine, half.sine, half.cosine, half.sine / half_rad};
 }
 
 /// What follows from the sides of a patch.
@@ -83,26 +120,43 @@ DVec2 SourceRect::sides() const {
 
 ThetaTerms theta_terms(double theta0, double theta1) {
     const double middle = (theta0 + theta1) / 2, half = (theta1 - theta0) / 2;
-    const double sine = std::sin(middle), cosine = std::cos(middle);
-    const double sin_half = std::sin(half), cos_half = std::cos(half);
-    const double sin_two_half = 2 * sin_half * cos_half;
-    // Integral of sin^2 as that of the middle and a remainder: no digits are lost next to a pole.
-    const double integral = 2 * sine * sin_half;
-    const double of_sin2 = sine * sine * sin_two_half + (half - sin_two_half / 2);
-    const double quarter = std::numbers::pi / 2;
-    return {.half = half,
-            .sine = sine,
-            .cosine = cosine,
-            .integral = integral,
-            .ring = of_sin2 / integral,
-            .height = cosine * cos_half,
-            .widest = std::sin(std::clamp(quarter, theta0, theta1)),
-            .taper = std::abs(cosine * sin_half) / (sine * cos_half)};
+    return theta_terms_of(half, {std::sin(middle), std::cos(middle)},
+                          {std::sin(half), std::cos(half)});
 }
 
 PhiTerms phi_terms(double phi0, double phi1) {
     const double middle = (phi0 + phi1) / 2, half = (phi1 - phi0) / 2;
-    return {half, std::sin(middle), std::cos(middle), sinc(half)};
+    return phi_terms_of(half, {std::sin(middle), std::cos(middle)},
+                        {std::sin(half), std::cos(half)});
+}
+
+DVec2 TexelPart::sides() const {
+    if (rect_.face >= 0) return rect_.sides();
+    return {2 * theta_.half, 2 * phi_.half * theta_.widest};
+}
+
+std::array<TexelPart, 2> TexelPart::halves_along_a() const {
+    if (rect_.face >= 0) {
+        std::array parts{*this, *this};
+        parts[0].rect_.a1 = parts[1].rect_.a0 = (rect_.a0 + rect_.a1) / 2;
+        return parts;
+    }
+    const Angle middle{theta_.sine, theta_.cosine};
+    const Angle quarter = Angle{theta_.sin_half, theta_.cos_half}.halved();
+    return {TexelPart(theta_terms_of(theta_.half / 2, middle - quarter, quarter), phi_),
+            TexelPart(theta_terms_of(theta_.half / 2, middle + quarter, quarter), phi_)};
+}
+
+std::array<TexelPart, 2> TexelPart::halves_along_b() const {
+    if (rect_.face >= 0) {
+        std::array parts{*this, *this};
+        parts[0].rect_.b1 = parts[1].rect_.b0 = (rect_.b0 + rect_.b1) / 2;
+        return parts;
+    }
+    const Angle middle{phi_.sine, phi_.cosine};
+    const Angle quarter = Angle{phi_.sin_half, phi_.cos_half}.halved();
+    return {TexelPart(theta_, phi_terms_of(phi_.half / 2, middle - quarter, quarter)),
+            TexelPart(theta_, phi_terms_of(phi_.half / 2, middle + quarter, quarter))};
 }
 
 SourcePatch make_patch(const ThetaTerms& theta, const PhiTerms& phi) {

@@ -4,6 +4,7 @@
 #include "baker/input/environment.h"
 #include "baker/math/vector.h"
 
+#include <array>
 #include <cstddef>
 #include <utility>
 #include <variant>
@@ -43,18 +44,42 @@ SourcePatch make_patch(const SourceRect& rect);
 /// and columns: kept, they make the patch of a texel without any trigonometry.
 struct ThetaTerms {
     double half, sine, cosine;  ///< half the height, radians; of the middle
-    double integral;            ///< of sin
-    double ring, height;        ///< of sin^2 and of sin cos, over that of sin
-    double widest;              ///< largest sin
+    double sin_half, cos_half;
+    double integral;      ///< of sin
+    double ring, height;  ///< of sin^2 and of sin cos, over that of sin
+    double widest;        ///< largest sin
     double taper;
 };
 struct PhiTerms {
     double half, sine, cosine;  ///< half the width, radians; of the middle
-    double shortening;          ///< sin(half) / half
+    double sin_half, cos_half;
+    double shortening;  ///< sin(half) / half
 };
 ThetaTerms theta_terms(double theta0, double theta1);
 PhiTerms phi_terms(double phi0, double phi1);
 SourcePatch make_patch(const ThetaTerms& theta, const PhiTerms& phi);
+
+/// A texel, or a part that halving its sides has left of it. Halves of a lat-long texel come from
+/// half-angle formulas.
+class TexelPart {
+  public:
+    explicit TexelPart(const SourceRect& rect) : rect_(rect) {}
+    TexelPart(const ThetaTerms& theta, const PhiTerms& phi) : theta_(theta), phi_(phi) {}
+
+    SourcePatch patch() const {
+        return rect_.face < 0 ? make_patch(theta_, phi_) : make_patch(rect_);
+    }
+    /// As SourceRect::sides().
+    DVec2 sides() const;
+    /// The two halves along theta or v, and along phi or u.
+    std::array<TexelPart, 2> halves_along_a() const;
+    std::array<TexelPart, 2> halves_along_b() const;
+
+  private:
+    SourceRect rect_;  ///< of a cube face
+    ThetaTerms theta_{};
+    PhiTerms phi_{};
+};
 
 /// Texel (row, column) of a grid, and blocks row0 .. row1, column0 .. column1 of texels.
 SourceRect block_rect(const LatLongGrid& grid, int row0, int row1, int column0, int column1);

@@ -2,13 +2,18 @@
 #pragma once
 
 #include "baker/lighting/cluster_tree.h"
+#include "baker/lighting/error_bound.h"
 #include "baker/lighting/prefilter.h"
 #include "baker/lighting/prefilter_kernel.h"
+#include "baker/lighting/source_estimate.h"
 #include "baker/lighting/source_patch.h"
+#include "baker/lighting/source_view.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -21,7 +26,7 @@ inline constexpr int kDeepestSplit = 28;
 /// Accepted sources, by the formula that each needs.
 template <class S>
 struct Sources {
-    std::vector<std::uint32_t> clusters, horizon_clusters;
+    std::vector<const ClusterMoments<float>*> clusters, horizon_clusters;
     std::vector<PatchMoments<S>> patches, horizon_patches;
 
     void clear() {
@@ -33,58 +38,34 @@ struct Sources {
 };
 
 template <class S>
-PatchMoments<S> moments_of(const SourcePatch& p, const DVec3& radiance) {
+PatchMoments<S> moments_of(const SourcePatch& p, const DVec3& radiance, const DVec3& origin) {
     PatchMoments<S> m;
     for (int i = 0; i < 3; ++i) {
-        m.centre[i] = static_cast<S>(p.centre[i]);
+        m.centre[i] = static_cast<S>(p.centre[i] - origin[i]);
         m.flux[i] = static_cast<S>(p.omega * radiance[i]);
         m.half_a[i] = static_cast<S>(p.half_a[i]);
         m.half_b[i] = static_cast<S>(p.half_b[i]);
     }
+    m.slope_a = static_cast<S>(glm::dot(p.centre, p.half_a));
+    m.slope_b = static_cast<S>(glm::dot(p.centre, p.half_b));
     m.variance = static_cast<S>(p.variance);
+    const double a2 = glm::dot(p.half_a, p.half_a), b2 = glm::dot(p.half_b, p.half_b);
+    m.bulge_a = static_cast<S>(-2 * a2 / 15);
+    m.bulge_b = static_cast<S>(-2 * b2 / 15);
+    m.radial = static_cast<S>((a2 * a2 + b2 * b2) / 45);
     return m;
 }
 
-/// What one source adds to the error of a texel, relative to the darkest of its tile.
-struct SourceEstimate {
-    double core;           ///< share times (extent / l)^6
-    double curvature;      ///< of the Taylor series
-    double kink;           ///< of the horizon across it
-    double interpolation;  ///< within the tile, where it is interpolated
-    bool accepted;
-    bool direct;  ///< too sharp to be interpolated
-};
-
-/// Smooth content errs with one sign, so those are summed; the others err either way.
-struct TileEstimate {
-    double core = 0, curvature = 0, kink2 = 0, interpolation2 = 0, dropped = 0;
-
-    void add(const SourceEstimate& e) {
-        core += e.core;
-        curvature += e.curvature;
-        kink2 += e.kink * e.kink;
-        if (!e.direct) interpolation2 += e.interpolation * e.interpolation;
-    }
-    void keep_largest(const TileEstimate& o) {
-        core = std::max(core, o.core);
-        curvature = std::max(curvature, o.curvature);
-        kink2 = std::max(kink2, o.kink2);
-        interpolation2 = std::max(interpolation2, o.interpolation2);
-        dropped = std::max(dropped, o.dropped);
-    }
-    /// Calibrated against brute force, factor by factor, on photographs, synthetic skies and noise.
-    double error() const {
-        return 0.06 * core + 0.15 * curvature + 0.3 * std::sqrt(kink2) +
-               0.02 * std::sqrt(interpolation2) + dropped;
-    }
-};
-
-/// One walk of the tree for a tile (or, with radius 0, for one direction): which blocks and which
-/// texels stand for the environment there.
+/// Walks of the tree for one tile after another: which blocks and which texels stand for the
+/// environment there.
 ///
 /// First the coarse front, whose sum tells what the tile receives; then refine() opens the front
-/// until the estimated error of every source is below the tolerance, relative to that.
-template <template <class> class Lobe, class S>
+/// until the estimated error of every source is below the tolerance, relative to that. Sources are
+/// handed over some thousands at a time, emit(near, far); `near` are too sharp to be interpolated
+/// within the tile.
+///
+/// Base blocks that were opened are kept for the next tile, up to kOpenedNodes.
+template <template <class> class Lobe, class S, class View>
 class SourceWalk {
   public:
     /// `channels` of the environment matter, 1 or 3.
@@ -92,104 +73,267 @@ class SourceWalk {
                const PrefilterAccuracy& accuracy)
         : tree_(tree),
           weight_(weight),
-          inverse_axis_(1 / weight_.nearby(0).envelope),
-          inverse_core_(weight_.nearby(0).inverse_length),
+          inverse_axis_(1 / weight_.nearby(S(0)).envelope),
+          inverse_core2_(weight_.nearby(S(0)).inverse_length2),
           most_core_(static_cast<S>(std::pow(accuracy.extent2, 3))),
           channels_(channels),
           accuracy_(accuracy) {}
 
-    void begin(const DVec3& middle, double radius, double half_width) {
+    /// A tile around `middle`, all of it within the chord `radius`; patches are counted from the
+    /// middle. `half_width` is that of the square to interpolate in.
+    void begin(const DVec3& middle, double radius, double half_width, const View& view) {
+        view_ = &view;
+        origin_ = middle;
         for (int i = 0; i < 3; ++i) middle_[i] = static_cast<S>(middle[i]);
         radius_ = static_cast<S>(radius);
         half_width_ = static_cast<S>(half_width);
-        estimate_ = {};
+        estimates_.assign(view.groups(), {});
+        accepted_.resize(view.groups());
+        bounds_.resize(view.groups());
         near_.clear();
         far_.clear();
-        relate_to(tree_.mean());
+        const std::size_t lanes = sizeof(Real) / sizeof(S);
+        relate_to(std::vector<DVec3>(view.groups() * lanes, tree_.mean()));
     }
 
-    /// The coarse front: blocks no larger than their distance, or than the lobe.
-    const std::vector<std::uint32_t>& front() {
+    /// The coarse front: sources no larger than their distance, or than the lobe. All are `far`.
+    template <class Emit>
+    void front(const Emit& emit) {
+        coarse_ = true;
+        interpolate_ = false;
         front_.clear();
-        stack_ = tree_.roots();
+        for (const std::uint32_t i : tree_.roots()) stack_.push_back({nullptr, i});
         while (!stack_.empty()) {
-            const std::uint32_t i = stack_.back();
+            const Visit v = stack_.back();
             stack_.pop_back();
-            const ClusterNode& n = tree_.node(i);
-            if (n.flux[0] + n.flux[1] + n.flux[2] <= 0) continue;
-            if (cosine(n.centre) < -(radius_ + S(n.radius))) continue;
-            const S near = nearest(n.centre);
-            if (negligible(n.flux, near, S(n.radius))) continue;
-            const WeightNearby<S> nearby = weight_.nearby(near);
-            if (core_part(nearby, near, S(n.extent), S(n.radius)) <= kFrontCore || is_base(n)) {
-                front_.push_back(i);
-            } else {
-                push_children(n);
-            }
-        }
-        return front_;
-    }
-
-    bool straddles(const float* centre, double reach) const {
-        return std::abs(cosine(centre)) < radius_ + S(reach);
-    }
-
-    /// Opens the front until every source is good enough. `darkest` is what the darkest point of
-    /// the tile receives, times the tree's scale(): floor and norm included.
-    void refine(const DVec3& darkest, bool interpolate) {
-        relate_to(darkest);
-        interpolate_ = interpolate;
-        std::swap(stack_, front_);
-        while (!stack_.empty()) {
-            const std::uint32_t i = stack_.back();
-            stack_.pop_back();
-            const ClusterNode& n = tree_.node(i);
+            const ClusterNode& n = clusters_of(v).nodes[v.node];
             if (n.flux[0] + n.flux[1] + n.flux[2] <= 0) continue;
             const S along = cosine(n.centre);
             if (along < -(radius_ + S(n.radius))) continue;
-            const bool horizon = std::abs(along) < radius_ + S(n.radius);
-            const S near = nearest(n.centre);
-            if (negligible(n.flux, near, S(n.radius))) continue;
-            const SourceEstimate e = estimate<true>(near, n.flux, S(n.variance), S(n.extent),
-                                                    S(n.radius), S(n.unevenness), horizon);
-            if (!e.accepted) {
-                if (is_base(n)) {
-                    open_texels(n);
-                } else {
-                    push_children(n);
-                }
-                continue;
+            if (negligible(n.centre, n.flux, S(n.radius))) continue;
+            const bool whole = fits_the_front(n);
+            if (!v.in && (whole || is_base(n))) front_.push_back(v.node);
+            if (whole) {
+                const bool horizon = std::abs(along) < radius_ + S(n.radius);
+                const ClusterMoments<float>& m = clusters_of(v).moments[v.node];
+                (horizon ? far_.horizon_clusters : far_.clusters).push_back(&m);
+                hand_over_many(emit);
+            } else {
+                open(v, emit);
             }
-            estimate_.add(e);
-            Sources<S>& to = e.direct ? near_ : far_;
-            (horizon ? to.horizon_clusters : to.clusters).push_back(i);
         }
+        hand_over(emit);
     }
 
-    const Sources<S>& near_sources() const { return near_; }  ///< too sharp to be interpolated
-    const Sources<S>& far_sources() const { return far_; }
-    TileEstimate estimated() const { return estimate_; }
+    /// Opens the front until every source is good enough. `received` is what arrives at the points
+    /// of the view, or at the darkest of the disc, times the tree's scale(): floor and norm
+    /// included.
+    template <class Emit>
+    void refine(const std::vector<DVec3>& received, bool interpolate, const Emit& emit) {
+        relate_to(received);
+        coarse_ = false;
+        interpolate_ = interpolate;
+        // How much more than flat blocks uneven ones err. From the edge of a disc sources are taken
+        // for closer than they are to most of it; from a point, for no more than they are.
+        const bool wide = kDisc && inverse_core2_ < S(1.5);
+        uneven_ = interpolate || wide ? 1 : kDisc ? 4 : 16;
+        for (const std::uint32_t i : front_) stack_.push_back({nullptr, i});
+        while (!stack_.empty()) {
+            const Visit v = stack_.back();
+            stack_.pop_back();
+            const ClusterNode& n = clusters_of(v).nodes[v.node];
+            if (n.flux[0] + n.flux[1] + n.flux[2] <= 0) continue;
+            const S along = cosine(n.centre);
+            if (along < -(radius_ + S(n.radius))) continue;
+            if (negligible(n.centre, n.flux, S(n.radius))) continue;
+            const bool horizon = std::abs(along) < radius_ + S(n.radius);
+            const Shape shape{.centre = {S(n.centre[0]), S(n.centre[1]), S(n.centre[2])},
+                              .flux = {S(n.flux[0]), S(n.flux[1]), S(n.flux[2])},
+                              .variance = S(n.variance),
+                              .extent = S(n.extent),
+                              .reach = S(n.radius),
+                              .unevenness = S(n.unevenness),
+                              .part = 1,
+                              .deviation = S(n.deviation),
+                              .offset = S(n.offset),
+                              .irregular = -1,
+                              .cut = horizon ? S(0.15) * std::sqrt(3 * S(n.variance)) : S(0),
+                              .horizon = horizon};
+            bool direct = false;
+            if (accept(shape, direct)) {
+                Sources<S>& to = direct ? near_ : far_;
+                (horizon ? to.horizon_clusters : to.clusters)
+                    .push_back(&clusters_of(v).moments[v.node]);
+                hand_over_many(emit);
+            } else {
+                open(v, emit);
+            }
+        }
+        hand_over(emit);
+    }
+
+    /// Of the worst direction. `received` as for refine(), now that it is known.
+    double error_estimate(const std::vector<DVec3>& received) const {
+        const DVec3 mean = tree_.mean();
+        double worst = 0;
+        for (std::size_t p = 0; p < received.size(); ++p) {
+            double excess = 0;  // of what estimates are relative to over what they should be
+            for (int k = 0; k < channels_; ++k) {
+                const double inverse = static_cast<double>(lane(inverse_[k], p));
+                const double due = received[p][k] + 1e-3 * mean[k];
+                if (inverse > 0 && due > 0) {
+                    excess = std::max(excess,
+                                      static_cast<double>(weight_.inverse_norm) / (inverse * due));
+                }
+            }
+            worst = std::max(worst, excess * error_at(p));
+        }
+        return worst;
+    }
+
+    /// Of the worst direction, dropped sources included. `received` likewise.
+    double error_bound(const std::vector<DVec3>& received) const {
+        const DVec3 mean = tree_.mean();
+        double worst = 0;
+        for (std::size_t p = 0; p < received.size(); ++p) {
+            const auto& sums = estimates_[p / kLanes<S>];
+            for (int k = 0; k < channels_; ++k) {
+                const double bound =
+                    static_cast<double>(sums.bound[k][p % kLanes<S>] + sums.dropped[p % kLanes<S>]);
+                const double inverse = static_cast<double>(lane(inverse_[k], p));
+                if (inverse <= 0) continue;
+                const double off = bound * static_cast<double>(weight_.inverse_norm) / inverse;
+                const double least = std::max(received[p][k] - off, floor()[k]) + 1e-3 * mean[k];
+                if (off > 0) worst = std::max(worst, off / least);
+            }
+        }
+        return worst;
+    }
 
   private:
+    using Real = typename View::Real;
+    static constexpr bool kDisc = std::is_same_v<Real, S>;
+    static constexpr std::size_t kBatch = 4096;       ///< sources handed over at a time
+    static constexpr std::size_t kOpenedNodes = 400;  ///< 0.2 MB
     static constexpr S kFrontCore =
         S(Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2);
 
+    struct Visit {
+        OpenedBlock* in;  ///< null: a node of the tree
+        std::uint32_t node;
+    };
+    const Clusters& clusters_of(const Visit& v) const {
+        return v.in ? v.in->clusters : tree_.clusters();
+    }
+    void push(OpenedBlock* in, std::uint32_t node) {
+        if (in) tree_.finish(*in, node);
+        stack_.push_back({in, node});
+    }
+
+    /// What an estimate looks at.
+    struct Shape {
+        S centre[3];
+        S flux[3];
+        S variance, extent, reach, unevenness;
+        S part;               ///< of the flux that is its own
+        S deviation, offset;  ///< ClusterSpread; of a cluster
+        S irregular;          ///< taper + bend, of a part of a texel; of a cluster negative
+        S cut;                ///< what the horizon's kink across it costs, over share and density
+        bool horizon;
+    };
+
+    DVec3 floor() const { return tree_.floor() * tree_.scale(); }
+
     static bool is_base(const ClusterNode& n) { return n.child_count[0] + n.child_count[1] == 0; }
 
-    void push_children(const ClusterNode& n) {
+    template <class Emit>
+    [[gnu::always_inline]] void hand_over_many(const Emit& emit) {
+        if (++pending_ >= kBatch) hand_over(emit);
+    }
+    template <class Emit>
+    [[gnu::noinline]] void hand_over(const Emit& emit) {
+        pending_ = 0;
+        emit(std::as_const(near_), std::as_const(far_));
+        near_.clear();
+        far_.clear();
+    }
+
+    template <class Emit>
+    void open(const Visit& v, const Emit& emit) {
+        const ClusterNode& n = clusters_of(v).nodes[v.node];
         for (int run = 0; run < 2; ++run) {
             for (std::uint32_t j = 0; j < n.child_count[run]; ++j) {
-                stack_.push_back(n.first_child[run] + j);
+                push(v.in, n.first_child[run] + j);
+            }
+        }
+        if (!is_base(n)) return;
+        const TexelBlock& block = clusters_of(v).blocks[v.node];
+        if (!v.in && (block.row1 - block.row0) * (block.column1 - block.column0) > kFewTexels) {
+            OpenedBlock& inside = opened(v.node, emit);
+            const ClusterNode root = inside.clusters.nodes[0];
+            for (std::uint32_t j = 0; j < root.child_count[0]; ++j) {
+                push(&inside, root.first_child[0] + j);
+            }
+            return;
+        }
+        for (int r = block.row0; r < block.row1; ++r) {
+            for (int c = block.column0; c < block.column1; ++c) {
+                const DVec3 radiance = tree_.excess(block, r, c);
+                if (radiance == DVec3{0}) continue;
+                add_part(tree_.texel(block, r, c), radiance, 0);
+                hand_over_many(emit);
             }
         }
     }
 
-    void relate_to(const DVec3& darkest) {
+    /// The inside of a base block. When it is too much, what was opened before goes; nothing points
+    /// there, for the stack is done with a block before it comes to the next.
+    template <class Emit>
+    OpenedBlock& opened(std::uint32_t node, const Emit& emit) {
+        const auto found = opened_.find(node);
+        if (found != opened_.end()) return found->second;
+        if (opened_nodes_ > kOpenedNodes) {
+            hand_over(emit);
+            opened_.clear();
+            opened_nodes_ = 0;
+        }
+        OpenedBlock& inside =
+            opened_.emplace(node, tree_.open(tree_.clusters().blocks[node])).first->second;
+        opened_nodes_ += inside.raw.size();
+        return inside;
+    }
+
+    void relate_to(const std::vector<DVec3>& received) {
         const DVec3 mean = tree_.mean();
-        for (int k = 0; k < channels_; ++k) {
-            const double against = 0.8 * darkest[k] + 1e-3 * mean[k];
-            inverse_[k] = static_cast<S>(
-                against > 0 ? static_cast<double>(weight_.inverse_norm) / against : 0.0);
+        std::vector<double> inverse(received.size());
+        for (int k = 0; k < 3; ++k) {
+            for (std::size_t p = 0; p < received.size(); ++p) {
+                const double against = 0.8 * received[p][k] + 1e-3 * mean[k];
+                inverse[p] = k < channels_ && against > 0
+                                 ? static_cast<double>(weight_.inverse_norm) / against
+                                 : 0.0;
+            }
+            if constexpr (kDisc) {
+                inverse_[k] = {static_cast<S>(inverse[0])};
+            } else {
+                inverse_[k] = in_groups<S>(inverse);
+            }
+        }
+    }
+
+    static S lane(const std::vector<Real>& groups, std::size_t point) {
+        if constexpr (kDisc) {
+            return groups[0];
+        } else {
+            return groups[point / kLanes<S>][point % kLanes<S>];
+        }
+    }
+    double error_at(std::size_t point) const {
+        if constexpr (kDisc) {
+            return static_cast<double>(estimates_[0].template error<Lobe<S>>(0.15f));
+        } else {
+            const Real errors = estimates_[point / kLanes<S>].template error<Lobe<S>>(0.65f);
+            return static_cast<double>(errors[point % kLanes<S>]);
         }
     }
 
@@ -197,28 +341,33 @@ class SourceWalk {
     S cosine(const T* c) const {
         return middle_[0] * S(c[0]) + middle_[1] * S(c[1]) + middle_[2] * S(c[2]);
     }
-    /// Distance from the tile's edge to a centre, 0 inside.
+    /// A source's flux over what arrives in all.
     template <class T>
-    S nearest(const T* c) const {
-        const S x = middle_[0] - S(c[0]), y = middle_[1] - S(c[1]), z = middle_[2] - S(c[2]);
-        return std::max(S(0), std::sqrt(x * x + y * y + z * z) - radius_);
+    Real share_of(const T* flux, std::size_t group) const {
+        return larger<Real>(
+            larger<Real>(inverse_[0][group] * S(flux[0]), inverse_[1][group] * S(flux[1])),
+            inverse_[2][group] * S(flux[2]));
     }
-    /// A source's flux over what the darkest point receives.
-    template <class T>
-    S share_of(const T* flux) const {
-        return std::max(
-            {S(flux[0]) * inverse_[0], S(flux[1]) * inverse_[1], S(flux[2]) * inverse_[2]});
+
+    /// The square of the distance to a source's nearest point.
+    static Real closest2(const Real& distance2, S reach) {
+        const Real closest = larger<Real>(Real{}, square_root(distance2) - reach);
+        return closest * closest;
     }
 
     /// Of a lobe whose tail ends: sources too far to be seen are left out, whole blocks at once.
     template <class T>
-    bool negligible(const T* flux, S near, S reach) {
+    bool negligible(const T* centre, const T* flux, S reach) {
         if constexpr (Lobe<S>::kTailEnds) {
-            const S most = share_of(flux) * weight_.nearby(std::max(S(0), near - reach)).density;
-            if (most < S(accuracy_.negligible)) {
-                estimate_.dropped += static_cast<double>(most);
-                return true;
+            const auto most = [&](std::size_t g) {
+                return share_of(flux, g) *
+                       weight_.nearby(closest2(view_->distance2(g, centre), reach)).density;
+            };
+            for (std::size_t g = 0; g < estimates_.size(); ++g) {
+                if (any(most(g) > S(accuracy_.negligible))) return false;
             }
+            for (std::size_t g = 0; g < estimates_.size(); ++g) estimates_[g].dropped += most(g);
+            return true;
         }
         return false;
     }
@@ -227,68 +376,120 @@ class SourceWalk {
     /// series' remainder. Where a lobe's tail ends, less is asked of the tail: by the density
     /// there, at the source's nearest point, over that on the axis, and 1 + (distance / l)^2, for
     /// there are that many more of its like.
-    S core_part(const WeightNearby<S>& nearby, S near, S extent, S reach) const {
-        const S x = extent * nearby.inverse_length, x2 = x * x, x6 = x2 * x2 * x2;
+    Real core_part(const WeightNearby<Real>& nearby, const Real& distance2, S extent,
+                   S reach) const {
+        const Real x2 = nearby.inverse_length2 * (extent * extent), x6 = x2 * x2 * x2;
         if constexpr (!Lobe<S>::kTailEnds) return x6;
-        const S far = near * inverse_core_;
-        const S envelope = weight_.nearby(std::max(S(0), near - reach)).envelope;
-        return S(Lobe<S>::kCore) * x6 * envelope * inverse_axis_ * (1 + far * far);
+        const Real envelope = weight_.nearby(closest2(distance2, reach)).envelope;
+        return x6 * envelope * (distance2 * inverse_core2_ + S(1)) *
+               (S(Lobe<S>::kCore) * inverse_axis_);
+    }
+    bool fits_the_front(const ClusterNode& n) const {
+        for (std::size_t g = 0; g < view_->groups(); ++g) {
+            const Real distance2 = view_->distance2(g, n.centre);
+            const WeightNearby<Real> nearby = weight_.nearby(distance2);
+            if (any(core_part(nearby, distance2, S(n.extent), S(n.radius)) > kFrontCore)) {
+                return false;
+            }
+        }
+        return true;
     }
 
     /// What one source's Taylor series leaves out, relative to the darkest point of the tile, with
     /// l the lobe's scale at the nearest point: third order where the source is uneven, and some of
     /// the fourth; at the horizon the kink of max(0, mu). The factors are calibrated against brute
     /// force, not proved.
-    template <bool kCluster, class T>
-    SourceEstimate estimate(S near, const T* flux, S variance, S extent, S reach, S unevenness,
-                            bool horizon) const {
-        const S share = share_of(flux);
-        const WeightNearby<S> nearby = weight_.nearby(near);
-        const S w = share * nearby.envelope;
-        const S inverse_l = nearby.inverse_length, inverse_l2 = inverse_l * inverse_l;
-        const S extent2 = extent * extent * inverse_l2;  // (extent / l)^2
-        const S core = core_part(nearby, near, extent, reach);
-        const S curvature =
-            S(Lobe<S>::kCurvature) * w * variance * inverse_l2 *
-            (S(0.5) * (S(0.1) + unevenness) * extent * (inverse_l + S(0.5)) + S(0.5) * extent2);
-        const S w_horizon = share * weight_.density_at_horizon();
-        S kink = 0;
-        if (horizon) {
-            kink = kCluster ? S(0.15) * std::sqrt(3 * variance) * w_horizon
-                            : S(0.1) * extent * extent * w_horizon;
-        }
+    [[gnu::always_inline]] SourceEstimate<Real> estimate(const Shape& source,
+                                                         std::size_t group) const {
+        const Real distance2 = view_->distance2(group, source.centre);
+        const WeightNearby<Real> nearby = weight_.nearby(distance2);
+        const Real share = share_of(source.flux, group);
+        const Real w = nearby.envelope * share;
+        const Real& inverse_l2 = nearby.inverse_length2;
+        const Real inverse_l = square_root(inverse_l2);
+        const Real extent2 = inverse_l2 * (source.extent * source.extent);  // (extent / l)^2
+        const Real core = core_part(nearby, distance2, source.extent, source.reach);
+        const Real curvature =
+            w * inverse_l2 * (S(Lobe<S>::kCurvature) * source.variance) *
+            ((inverse_l + S(0.5)) *
+                 (S(0.5) * (S(0.1) + uneven_ * source.unevenness) * source.extent) +
+             extent2 * S(0.5));
+        const Real w_horizon = share * weight_.density_at_horizon();
+        const Real kink = w_horizon * source.cut;
+        SourceEstimate<Real> e{.core = w * extent2 * extent2 * extent2 * S(Lobe<S>::kCore),
+                               .curvature = curvature,
+                               .kink = kink,
+                               .interpolation = Real{},
+                               .accepted = false,
+                               .direct = false};
         // The sources of the lobe's core are many and err alike: no share of theirs is small
         // enough, so their extent has a limit of its own.
-        const bool accepted = !(curvature > S(accuracy_.cluster)) &&
-                              !(kink > S(accuracy_.horizon)) && !(core > most_core_);
-        S missed = 0;
-        if (accepted && interpolate_) {
-            // A kink is interpolated to half_width / (2 n), n = 8 points.
-            if (horizon) missed = S(5.0 / 8) * w_horizon * half_width_;
-            missed = std::max(missed, share * weight_.missed(nearby, half_width_));
-        }
-        return {.core = static_cast<double>(S(Lobe<S>::kCore) * w * extent2 * extent2 * extent2),
-                .curvature = static_cast<double>(curvature),
-                .kink = static_cast<double>(kink),
-                .interpolation = static_cast<double>(missed),
-                .accepted = accepted,
-                .direct = missed > S(accuracy_.interpolation)};
-    }
-
-    void open_texels(const ClusterNode& n) {
-        const TexelBlock& block = tree_.block(n.block);
-        for (int r = block.row0; r < block.row1; ++r) {
-            for (int c = block.column0; c < block.column1; ++c) {
-                const DVec3 radiance = tree_.excess(block, r, c);
-                if (radiance == DVec3{0}) continue;
-                const SourcePatch patch = tree_.texel_patch(block, r, c);
-                add_patch_or_parts(patch, tree_.texel_rect(block, r, c), radiance, 0);
+        e.accepted = coarse_ ? !any(core > kFrontCore)
+                             : !any(kink > S(accuracy_.horizon)) && !any(core > most_core_) &&
+                                   !any(curvature > S(accuracy_.cluster));
+        if constexpr (kDisc) {
+            if (e.accepted && interpolate_) {
+                // A kink is interpolated to half_width / (2 n), n = 8 points.
+                if (source.horizon) e.interpolation = S(5.0 / 8) * w_horizon * half_width_;
+                e.interpolation =
+                    std::max(e.interpolation, share * weight_.missed(nearby, half_width_));
+                e.direct = e.interpolation > S(accuracy_.interpolation);
             }
         }
+        return e;
     }
 
-    void add_patch_or_parts(const SourcePatch& patch, const SourceRect& rect, const DVec3& radiance,
-                            int depth) {
+    /// Whether a source is good enough from everywhere; if so its estimates are added up.
+    [[gnu::always_inline]] bool accept(const Shape& source, bool& direct, bool last = false) {
+        if constexpr (!kDisc) {
+            if (accuracy_.proved > 0 && !coarse_) return accept_by_bound(source, last);
+        }
+        if constexpr (kDisc) {
+            const SourceEstimate<Real> e = estimate(source, 0);
+            direct = e.direct;
+            if (e.accepted && !coarse_) estimates_[0].add(e, source.part);
+            return e.accepted;
+        }
+        for (std::size_t g = 0; g < estimates_.size(); ++g) {
+            accepted_[g] = estimate(source, g);
+            if (!accepted_[g].accepted) return false;
+        }
+        if (coarse_) return true;
+        for (std::size_t g = 0; g < estimates_.size(); ++g)
+            estimates_[g].add(accepted_[g], source.part);
+        return true;
+    }
+
+    /// Whether a source's bound is no larger a part of what it gives than the bound of all may be
+    /// of what arrives; or so small that the sum of thousands is no more than a half of that.
+    bool accept_by_bound(const Shape& source, bool last) {
+        const S proved = S(accuracy_.proved);
+        for (std::size_t g = 0; g < estimates_.size(); ++g) {
+            const Real distance2 = view_->distance2(g, source.centre);
+            const Real mu = S(1) - (distance2 * S(0.5) + source.variance);
+            const Real bound =
+                source.irregular < 0
+                    ? cluster_error_bound<Lobe<S>, Real, S>(
+                          weight_, {source.variance, source.reach, source.deviation, source.offset},
+                          distance2, mu)
+                    : part_error_bound<Lobe<S>, Real, S>(weight_, source.extent, source.irregular,
+                                                         source.reach, distance2, mu);
+            const Real given = weight_.nearby(distance2).density * larger<Real>(Real{}, mu);
+            const Real share = share_of(source.flux, g) * source.part;
+            const Real most = (share * given + S(2e-5)) * (S(0.9) * proved);
+            if (!last && any(share * bound > most)) return false;
+            bounds_[g] = bound * source.part;
+        }
+        for (std::size_t g = 0; g < estimates_.size(); ++g) {
+            for (std::size_t k = 0; k < 3; ++k) {
+                estimates_[g].bound[k] += bounds_[g] * inverse_[k][g] * source.flux[k];
+            }
+        }
+        return true;
+    }
+
+    void add_part(const TexelPart& part, const DVec3& radiance, int depth) {
+        const SourcePatch patch = part.patch();
         const double reach = 1.05 * (glm::length(patch.half_a) + glm::length(patch.half_b)) +
                              patch.extent * patch.extent;
         const DVec3& c = patch.centre;
@@ -297,44 +498,62 @@ class SourceWalk {
         const bool horizon = std::abs(along) < radius_ + S(reach);
         // Slivers come in numbers, all erring alike: each answers for a square of them.
         const DVec3 flux = patch.omega * patch.aspect * radiance;
-        const S near = nearest(&c.x);
-        if (negligible(&flux.x, near, S(reach))) return;
-        const SourceEstimate e = estimate<false>(near, &flux.x, S(patch.variance), S(patch.extent),
-                                                 S(reach), S(std::min(1.0, patch.taper)), horizon);
+        if (negligible(&c.x, &flux.x, S(reach))) return;
+        const Shape shape{.centre = {S(c.x), S(c.y), S(c.z)},
+                          .flux = {S(flux.x), S(flux.y), S(flux.z)},
+                          .variance = S(patch.variance),
+                          .extent = S(patch.extent),
+                          .reach = S(reach),
+                          .unevenness = S(std::min(1.0, patch.taper)),
+                          .part = S(1 / patch.aspect),
+                          .deviation = 0,
+                          .offset = 0,
+                          .irregular = S(patch.taper + patch.bend),
+                          .cut = horizon ? S(0.1 * patch.extent * patch.extent) : S(0),
+                          .horizon = horizon};
         const bool straight = patch.bend <= kLargestBend;
-        if ((e.accepted && straight && patch.extent <= kLargestPatch) || depth >= kDeepestSplit) {
-            estimate_.add(e);
-            Sources<S>& to = e.direct ? near_ : far_;
-            (horizon ? to.horizon_patches : to.patches).push_back(moments_of<S>(patch, radiance));
+        const bool flat = straight && patch.extent <= kLargestPatch;
+        bool direct = false;
+        const bool last = depth >= kDeepestSplit;
+        const bool accepted = (flat || last) && accept(shape, direct, last);
+        if (accepted || last) {
+            Sources<S>& to = direct ? near_ : far_;
+            (horizon ? to.horizon_patches : to.patches)
+                .push_back(moments_of<S>(patch, radiance, origin_));
             return;
         }
         // Halve the longer side, both where they are alike, and what is bent.
-        const DVec2 sides = rect.sides();
-        const bool split_a =
-            sides.x > 0.6 * sides.y && !(e.accepted && patch.extent <= kLargestPatch);
+        const DVec2 sides = part.sides();
+        const bool split_a = sides.x > 0.6 * sides.y && (flat || patch.extent > kLargestPatch);
         const bool split_b = sides.y > 0.6 * sides.x || !straight;
-        const double a = (rect.a0 + rect.a1) / 2, b = (rect.b0 + rect.b1) / 2;
-        for (int i = 0; i < (split_a ? 2 : 1); ++i) {
-            for (int j = 0; j < (split_b ? 2 : 1); ++j) {
-                SourceRect part = rect;
-                if (split_a) (i == 0 ? part.a1 : part.a0) = a;
-                if (split_b) (j == 0 ? part.b1 : part.b0) = b;
-                add_patch_or_parts(make_patch(part), part, radiance, depth + 1);
-            }
-        }
+        const auto add_rows = [&](const TexelPart& rows) {
+            if (!split_b) return add_part(rows, radiance, depth + 1);
+            for (const TexelPart& half : rows.halves_along_b()) add_part(half, radiance, depth + 1);
+        };
+        if (!split_a) return add_rows(part);
+        for (const TexelPart& half : part.halves_along_a()) add_rows(half);
     }
 
     const ClusterTree& tree_;
     const Lobe<S>& weight_;
-    const S inverse_axis_, inverse_core_, most_core_;
+    const S inverse_axis_, inverse_core2_, most_core_;
     const int channels_;
     const PrefilterAccuracy& accuracy_;
+    const View* view_ = nullptr;
+    DVec3 origin_{0};
     S middle_[3] = {};
     S radius_ = 0, half_width_ = 0;
-    S inverse_[3] = {};
-    bool interpolate_ = false;
-    TileEstimate estimate_;
-    std::vector<std::uint32_t> stack_, front_;
+    std::vector<Real> inverse_[3];  ///< by channel and group
+    bool interpolate_ = false, coarse_ = false;
+    S uneven_ = 1;
+    std::vector<EstimateSums<Real>> estimates_;
+    std::vector<SourceEstimate<Real>> accepted_;
+    std::vector<Real> bounds_;
+    std::vector<Visit> stack_;
+    std::vector<std::uint32_t> front_;
+    std::unordered_map<std::uint32_t, OpenedBlock> opened_;
+    std::size_t opened_nodes_ = 0;
+    std::size_t pending_ = 0;  ///< sources not handed over yet, about
     Sources<S> near_, far_;
 };
 

@@ -8,6 +8,9 @@
 
 namespace envbake {
 
+inline float exponential(float x) {
+    return std::exp(x > -87.0f ? x : -87.0f);
+}
 inline double exponential(double x) {
     return std::exp(x);
 }
@@ -30,6 +33,12 @@ inline Float16 exponential(const Float16& x) {
     series = series * f + 1.0f;
     const Int16 power = (std::bit_cast<Int16>(shifted) << 23) + (127 << 23);
     return series * std::bit_cast<Float16>(power);
+}
+
+inline Double8 exponential(const Double8& x) {
+    Double8 result;
+    for (int i = 0; i < kDoubleLanes; ++i) result[i] = std::exp(x[i]);
+    return result;
 }
 
 }  // namespace envbake

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "baker/core/text.h"
 #include "baker/input/image_worker.h"
 #include "baker/input/read_environment.h"
 #include "baker/input/read_scene.h"
@@ -24,9 +25,29 @@ std::vector<MeshFacts> collect_mesh_facts(const Scene& scene) {
     for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
         const Mesh& mesh = scene.meshes[i];
         facts.push_back({mesh.vertex_count(), mesh.triangle_count(), free_counts[i],
-                         static_cast<std::size_t>(mesh.material)});
+                         static_cast<std::size_t>(mesh.material), mesh.receives, mesh.casts});
     }
     return facts;
+}
+
+/// Takes `mark` from the meshes that the user named: by "mesh/I" of the bundle, by the name of the
+/// node, or by that of the file's mesh. A name that is nowhere is most likely misspelt.
+Expected<void> mark_meshes(Scene& scene, const char* option, const std::vector<std::string>& names,
+                           bool Mesh::*mark) {
+    for (const std::string& name : names) {
+        bool found = false;
+        for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+            Mesh& mesh = scene.meshes[i];
+            if (name != concat("mesh/", i) && name != mesh.node_name && name != mesh.mesh_name)
+                continue;
+            mesh.*mark = false;
+            found = true;
+        }
+        if (!found)
+            return Error{Errc::Usage, concat(option, " ", quoted(name), ": ", scene.file_name,
+                                             " has no node and no mesh of that name")};
+    }
+    return {};
 }
 
 /// Lights first: what is extracted is no longer there for the rest to see.
@@ -56,6 +77,10 @@ Expected<BakeInputs> load_inputs(const BakeRequest& request) {
         ReadSceneOptions options;
         if (request.area_weighted_normals) options.computed_normals = NormalWeighting::Area;
         ENVBAKE_TRY(inputs.scene, read_scene(request.scene, options));
+        ENVBAKE_TRY_VOID(
+            mark_meshes(*inputs.scene, "--no-receive", request.not_receiving, &Mesh::receives));
+        ENVBAKE_TRY_VOID(
+            mark_meshes(*inputs.scene, "--no-cast", request.not_casting, &Mesh::casts));
         const auto folder = request.scene.parent_path();
         for (const auto& path : inputs.scene->files_read) {
             const bool first = inputs.files.empty();
@@ -67,6 +92,8 @@ Expected<BakeInputs> load_inputs(const BakeRequest& request) {
         inputs.facts.materials = collect_material_facts(*inputs.scene);
         inputs.facts.meshes = collect_mesh_facts(*inputs.scene);
     }
+    if (request.scene.empty() && !(request.not_receiving.empty() && request.not_casting.empty()))
+        return Error{Errc::Usage, "--no-receive and --no-cast name meshes of a scene; give one"};
     if (!request.environment.empty()) {
         // Hashed first, while no map is in memory: a mapped file may be as large.
         ENVBAKE_TRY_VOID(add_file(inputs.files, "environment",

@@ -160,6 +160,8 @@ Json meshes_json(const Scene& scene, const BakeReport& report) {
                      {"vertex_count", mesh.vertex_count()},
                      {"triangle_count", mesh.triangle_count()},
                      {"normals", mesh.normals_computed ? "computed" : "from the file"}};
+        if (!mesh.receives) json["receives"] = false;
+        if (!mesh.casts) json["casts"] = false;
         if (report.diffuse[i]) json["diffuse"] = diffuse_json(*report.diffuse[i]);
         list.push_back(std::move(json));
     }
@@ -198,11 +200,14 @@ Json options_json(const BakeRequest& r) {
             {"distributions", distribution_names(r)},
             {"mip_size", r.mip_size},
             {"mip_count", r.mip_count},
+            {"certify", r.certify},
             {"mip_layout", r.mip_layout == runtime::MipLayout::CubeFaces ? "cube" : "lat-long"},
             {"roughness_range", range_json(r.roughness_range)},
             {"table_size", r.table_size},
             {"table_axes", axes_name(r.table_axes)},
             {"table_type", r.half_tables ? "f16" : "f32"},
+            {"no_receive", r.not_receiving},
+            {"no_cast", r.not_casting},
             {"unshadowed", r.unshadowed},
             {"rays", r.rays_per_vertex},
             {"seed", r.seed},

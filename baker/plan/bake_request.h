@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace envbake {
@@ -31,18 +32,24 @@ struct BakeRequest {
     bool window = false;          ///< damp SH lighting until irradiance is nowhere negative
 
     std::vector<runtime::Distribution> distributions{runtime::Distribution::Ggx};
-    int mip_size = 256;  ///< face edge of mip 0, texels
-    int mip_count = 5;   ///< mip k of n holds roughness k / (n - 1)
+    int mip_size = 256;    ///< face edge of mip 0, texels
+    int mip_count = 5;     ///< mip k of n holds roughness k / (n - 1)
+    bool certify = false;  ///< mips whose error is proved, not estimated
     runtime::MipLayout mip_layout = runtime::MipLayout::CubeFaces;
     std::optional<RoughnessRange> roughness_range;  ///< of the mips; empty: what the scene has
     int table_size = 64;                            ///< texels along each axis of the BRDF tables
     runtime::TableAxes table_axes = runtime::TableAxes::RootsEndPoints;
     bool half_tables = false;  ///< store them as f16
 
+    std::vector<std::string>
+        not_receiving;                     ///< "mesh/I", or names of nodes or meshes: no transport
+    std::vector<std::string> not_casting;  ///< the same: block no light
+
     bool unshadowed = false;  ///< also bake "mesh/I/unshadowed"
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;
-    bool strict = false;                 ///< refuse what would be repaired
+    std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once
+    bool strict = false;                                ///< refuse what would be repaired
     bool area_weighted_normals = false;  ///< where the file has no normals; else angle-weighted
     bool compress = false;               ///< store arrays with zstd where that is smaller
 };

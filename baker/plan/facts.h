@@ -45,6 +45,8 @@ struct MeshFacts {
     std::uint64_t triangle_count = 0;
     std::uint64_t free_vertex_count = 0;  ///< nothing of the scene above their tangent plane
     std::size_t material = 0;
+    bool receives = true;  ///< as Mesh has it
+    bool casts = true;
 };
 
 /// What the plan is made from. Collected from the inputs; no ray is cast.

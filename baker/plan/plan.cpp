@@ -146,6 +146,7 @@ PlannedStage plan_mips(const BakeRequest& request, const BakeFacts& facts, const
     mips.job.distribution = distribution;
     mips.job.layout = request.mip_layout;
     mips.job.channels = channels_of(*facts.environment);
+    mips.job.certify = request.certify;
     for (int level = has_mirror ? 1 : first_level; level <= last_level; ++level) {
         mips.job.levels.push_back(level);
         mips.job.perceptual_roughness.push_back(
@@ -159,6 +160,7 @@ PlannedStage plan_mips(const BakeRequest& request, const BakeFacts& facts, const
         stage.reason += concat("; the environment is constant to ", format_number(mips.contrast),
                                ": one texel a level");
     }
+    if (request.certify) stage.reason += "; with a proved bound of every texel's error";
     stage.reason += grey_reason(*facts.environment);
     stage.job = std::move(mips);
     return stage;
@@ -192,6 +194,10 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
         stage.reason = "no triangles";
         return stage;
     }
+    if (!f.receives) {
+        stage.reason = "marked as receiving nothing";
+        return stage;
+    }
     const MaterialFacts& material = facts.materials[f.material];
     if (material.max_diffuse_albedo <= 0) {
         stage.reason = concat("material ", quoted(material.name), " reflects nothing diffusely");
@@ -203,7 +209,8 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
                              .shadowed = shadowed,
                              .tolerance = request.tolerance,
                              .rays_per_vertex = request.rays_per_vertex,
-                             .seed = request.seed};
+                             .seed = request.seed,
+                             .memory_bytes = request.memory_bytes};
     if (!shadowed)
         stage.reason = "analytic, no rays";
     else if (f.free_vertex_count == f.vertex_count)
@@ -300,6 +307,8 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
         plan.stages.push_back(plan_table(request, facts, need, d));
     for (std::size_t mesh = 0; mesh < facts.meshes.size(); ++mesh) {
         plan.stages.push_back(plan_diffuse(request, facts, mesh, true));
+        if (!facts.meshes[mesh].casts)
+            plan.stages.back().reason += "; the mesh is marked as casting nothing";
         plan.stages.push_back(plan_diffuse(request, facts, mesh, false));
     }
     if (!facts.has_scene) plan.stages.push_back({"mesh", "no scene", std::nullopt});

@@ -25,11 +25,13 @@ double highest(const Vec3& low, const Vec3& high, const DVec3& origin, const DVe
 
 }  // namespace
 
-HalfSpaceTree::HalfSpaceTree(const Scene& scene) {
+HalfSpaceTree::HalfSpaceTree(const Scene& scene, std::span<const MeshCoverage> coverage) {
     DVec3 low(kInfinity), high(-kInfinity);
-    for (const Mesh& mesh : scene.meshes) {
-        if (!casts_shadow(occlusion_of(scene, mesh))) continue;
+    for (std::size_t m = 0; m < scene.meshes.size(); ++m) {
+        const Mesh& mesh = scene.meshes[m];
+        if (!casts_shadow(scene, mesh)) continue;
         for (std::size_t i = 0; i < mesh.triangle_count(); ++i) {
+            if (coverage[m][i] == Coverage::Clear) continue;
             const Triangle t = triangle_of(mesh, i);
             if (!has_area(t)) continue;
             triangles_.push_back({t.a, t.b, t.c});

@@ -3,8 +3,10 @@
 
 #include "baker/input/scene.h"
 #include "baker/math/vector.h"
+#include "baker/trace/coverage.h"
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace envbake {
@@ -18,8 +20,9 @@ namespace envbake {
 class HalfSpaceTree {
   public:
     HalfSpaceTree() = default;
-    /// Over every triangle that casts a shadow; a masked triangle counts as if it were solid.
-    explicit HalfSpaceTree(const Scene& scene);
+    /// Over every triangle that casts a shadow; one with holes counts as if it had none.
+    HalfSpaceTree(const Scene& scene, std::span<const MeshCoverage> coverage);
+    explicit HalfSpaceTree(const Scene& scene) : HalfSpaceTree(scene, coverage_of(scene)) {}
 
     /// True where some point x of some triangle has
     ///

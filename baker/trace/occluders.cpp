@@ -7,12 +7,9 @@
 
 namespace envbake {
 
-Occlusion occlusion_of(const Scene& scene, const Mesh& mesh) {
+bool casts_shadow(const Scene& scene, const Mesh& mesh) {
     const Material& material = scene.materials[static_cast<std::size_t>(mesh.material)];
-    if (material.alpha_mode == AlphaMode::Opaque) return Occlusion::Opaque;
-    if (material.alpha_mode == AlphaMode::Blend) return Occlusion::Transparent;
-    if (material.base_color_texture || !mesh.colors.empty()) return Occlusion::Masked;
-    return material.alpha < material.alpha_cutoff ? Occlusion::Absent : Occlusion::Opaque;
+    return mesh.casts && material.alpha_mode != AlphaMode::Blend;
 }
 
 TraceSpace::TraceSpace(const Scene& scene) {

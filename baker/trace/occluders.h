@@ -6,19 +6,11 @@
 
 namespace envbake {
 
-/// How the triangles of a mesh meet rays.
-enum class Occlusion {
-    Opaque,
-    Masked,       ///< alpha mode MASK with an alpha that varies over the mesh: asked at each hit
-    Transparent,  ///< alpha mode BLEND: casts no shadow, closest() sees it
-    Absent,       ///< alpha mode MASK, and everywhere under the cut-off
-};
-Occlusion occlusion_of(const Scene& scene, const Mesh& mesh);
-
-/// True for what can throw a shadow somewhere: Opaque and Masked.
-inline bool casts_shadow(Occlusion occlusion) {
-    return occlusion == Occlusion::Opaque || occlusion == Occlusion::Masked;
-}
+/// True for a mesh whose triangles keep light out: alpha mode OPAQUE or MASK, and not marked as
+/// casting nothing. They do from both sides, whatever the material's double_sided says. A wall is
+/// seen from one side only so that a viewer looks into the room; it is still a wall, and light that
+/// came in through its back would be a leak.
+bool casts_shadow(const Scene& scene, const Mesh& mesh);
 
 struct Triangle {
     Vec3 a, b, c;

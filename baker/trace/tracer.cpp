@@ -2,10 +2,12 @@
 #include "baker/trace/tracer.h"
 
 #include "baker/input/sample_texture.h"
+#include "baker/trace/coverage.h"
 #include "baker/trace/embree.h"
 #include "baker/trace/half_space_tree.h"
 #include "baker/trace/occluders.h"
 
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -26,16 +28,20 @@ struct DeviceRelease {
 struct SceneRelease {
     void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
 };
+struct BufferRelease {
+    void operator()(RTCBuffer buffer) const { rtcReleaseBuffer(buffer); }
+};
 struct GeometryRelease {
     void operator()(RTCGeometry geometry) const { rtcReleaseGeometry(geometry); }
 };
 using Device = std::unique_ptr<RTCDeviceTy, DeviceRelease>;
 using EmbreeScene = std::unique_ptr<RTCSceneTy, SceneRelease>;
+using Buffer = std::unique_ptr<RTCBufferTy, BufferRelease>;
 using Geometry = std::unique_ptr<RTCGeometryTy, GeometryRelease>;
 
 /// What a hit of one geometry means. Embree holds a pointer to it.
-struct TracedMesh {
-    const Scene* scene = nullptr;  ///< read only where the alpha mode is MASK
+struct TracedTriangles {
+    const Scene* scene = nullptr;
     std::size_t mesh = 0;
     std::vector<std::uint32_t> triangles;  ///< index in the mesh of each; empty: the same index
 
@@ -44,9 +50,9 @@ struct TracedMesh {
     }
 };
 
-/// Embree calls this for each hit on a masked mesh; a hit in a hole is taken back.
+/// Embree calls this for each hit on a triangle with holes; a hit in a hole is taken back.
 void drop_hits_in_holes(const RTCFilterFunctionNArguments* arguments) {
-    const auto& traced = *static_cast<const TracedMesh*>(arguments->geometryUserPtr);
+    const auto& traced = *static_cast<const TracedTriangles*>(arguments->geometryUserPtr);
     const Mesh& mesh = traced.scene->meshes[traced.mesh];
     const float cutoff =
         traced.scene->materials[static_cast<std::size_t>(mesh.material)].alpha_cutoff;
@@ -56,9 +62,8 @@ void drop_hits_in_holes(const RTCFilterFunctionNArguments* arguments) {
         const float v = RTCHitN_v(arguments->hit, arguments->N, i);
         const std::uint32_t triangle =
             traced.triangle(RTCHitN_primID(arguments->hit, arguments->N, i));
-        const float alpha =
-            surface_material(*traced.scene, mesh, triangle, Vec3(1 - u - v, u, v)).alpha;
-        if (alpha < cutoff) arguments->valid[i] = 0;
+        if (surface_alpha(*traced.scene, mesh, triangle, Vec3(1 - u - v, u, v)) < cutoff)
+            arguments->valid[i] = 0;
     }
 }
 
@@ -91,54 +96,70 @@ Error embree_error(RTCDevice device, const char* what) {
 struct Tracer::State {
     TraceSpace space;
     HalfSpaceTree half_spaces;
-    std::vector<TracedMesh> meshes;  ///< one a mesh of the scene: geometry ids are mesh indices
+    /// Geometry 2m is what of mesh m has no holes, 2m + 1 what has.
+    std::vector<TracedTriangles> geometries;
     Device device;
     EmbreeScene scene;
 
-    Expected<void> add(const Scene& source, std::size_t index);
+    Expected<void> add(const Scene& source, std::size_t index, const MeshCoverage& coverage);
+    Expected<void> add_geometry(const Scene& source, unsigned id, RTCBuffer positions,
+                                std::vector<std::uint32_t> kept);
 };
 
-Expected<void> Tracer::State::add(const Scene& source, std::size_t index) {
+Expected<void> Tracer::State::add(const Scene& source, std::size_t index,
+                                  const MeshCoverage& coverage) {
     const Mesh& mesh = source.meshes[index];
-    const Occlusion occlusion = occlusion_of(source, mesh);
-    TracedMesh& traced = meshes[index];
-    traced.scene = &source;
-    traced.mesh = index;
-    if (occlusion == Occlusion::Absent) return {};
-
-    std::vector<std::uint32_t> kept;
+    std::array<std::vector<std::uint32_t>, 2> kept;  // without holes, with
     for (std::uint32_t i = 0; i < mesh.triangle_count(); ++i)
-        if (has_area(triangle_of(mesh, i))) kept.push_back(i);
-    if (kept.empty()) return {};
+        if (coverage[i] != Coverage::Clear && has_area(triangle_of(mesh, i)))
+            kept[coverage[i] == Coverage::Holed ? 1 : 0].push_back(i);
+    if (kept[0].empty() && kept[1].empty()) return {};
 
+    constexpr std::size_t kPadding = 16;  // bytes behind the last vertex that Embree reads
+    const Buffer positions(
+        rtcNewBuffer(device.get(), 3 * sizeof(float) * mesh.vertex_count() + kPadding));
+    if (!positions) return embree_error(device.get(), "hold the vertices");
+    auto* at = static_cast<float*>(rtcGetBufferData(positions.get()));
+    for (const Vec3& world : mesh.positions) {
+        const Vec3 local = space.to_local(world);
+        for (int axis = 0; axis < 3; ++axis) *at++ = local[axis];
+    }
+    for (std::size_t holed = 0; holed < 2; ++holed)
+        if (!kept[holed].empty())
+            ENVBAKE_TRY_VOID(add_geometry(source, static_cast<unsigned>(2 * index + holed),
+                                          positions.get(), std::move(kept[holed])));
+    return {};
+}
+
+Expected<void> Tracer::State::add_geometry(const Scene& source, unsigned id, RTCBuffer positions,
+                                           std::vector<std::uint32_t> kept) {
+    const Mesh& mesh = source.meshes[id / 2];
+    const bool holed = id % 2 == 1;
     const Geometry geometry(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
-    // Buffers of Embree's own: they have the padding behind the last vertex that it reads.
-    auto* positions = static_cast<float*>(
-        rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                3 * sizeof(float), mesh.vertex_count()));
+    rtcSetGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, positions, 0,
+                         3 * sizeof(float), mesh.vertex_count());
     auto* indices = static_cast<std::uint32_t*>(
         rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                 3 * sizeof(std::uint32_t), kept.size()));
-    if (positions == nullptr || indices == nullptr)
-        return embree_error(device.get(), "hold the triangles");
-    for (const Vec3& world : mesh.positions) {
-        const Vec3 local = space.to_local(world);
-        for (int axis = 0; axis < 3; ++axis) *positions++ = local[axis];
-    }
+    if (indices == nullptr) return embree_error(device.get(), "hold the triangles");
     for (const std::uint32_t triangle : kept)
         for (std::size_t corner = 0; corner < 3; ++corner)
             *indices++ = mesh.triangles[3 * triangle + corner];
+
+    TracedTriangles& traced = geometries[id];
+    traced.scene = &source;
+    traced.mesh = id / 2;
     if (kept.size() != mesh.triangle_count()) traced.triangles = std::move(kept);
 
-    const bool transparent = occlusion == Occlusion::Transparent;
-    rtcSetGeometryMask(geometry.get(), transparent ? kTransparentMask : kOccluderMask);
-    if (occlusion == Occlusion::Masked) {
+    rtcSetGeometryMask(geometry.get(),
+                       casts_shadow(source, mesh) ? kOccluderMask : kTransparentMask);
+    if (holed) {
         rtcSetGeometryUserData(geometry.get(), &traced);
         rtcSetGeometryIntersectFilterFunction(geometry.get(), drop_hits_in_holes);
         rtcSetGeometryOccludedFilterFunction(geometry.get(), drop_hits_in_holes);
     }
     rtcCommitGeometry(geometry.get());
-    rtcAttachGeometryByID(scene.get(), geometry.get(), static_cast<unsigned>(index));
+    rtcAttachGeometryByID(scene.get(), geometry.get(), id);
     return {};
 }
 
@@ -152,13 +173,15 @@ Expected<Tracer> Tracer::build(const Scene& scene) {
     state->scene.reset(rtcNewScene(state->device.get()));
     rtcSetSceneFlags(state->scene.get(), RTC_SCENE_FLAG_ROBUST);
     rtcSetSceneBuildQuality(state->scene.get(), RTC_BUILD_QUALITY_MEDIUM);
-    state->meshes.resize(scene.meshes.size());
+    state->geometries.resize(2 * scene.meshes.size());
     // The space is read off the indexed vertices, so those are checked before.
     for (std::size_t i = 0; i < scene.meshes.size(); ++i)
         ENVBAKE_TRY_VOID(check(scene, scene.meshes[i], i));
     state->space = TraceSpace(scene);
-    state->half_spaces = HalfSpaceTree(scene);
-    for (std::size_t i = 0; i < scene.meshes.size(); ++i) ENVBAKE_TRY_VOID(state->add(scene, i));
+    const std::vector<MeshCoverage> coverage = coverage_of(scene);
+    state->half_spaces = HalfSpaceTree(scene, coverage);
+    for (std::size_t i = 0; i < scene.meshes.size(); ++i)
+        ENVBAKE_TRY_VOID(state->add(scene, i, coverage[i]));
     rtcCommitScene(state->scene.get());
     if (rtcGetDeviceError(state->device.get()) != RTC_ERROR_NONE)
         return embree_error(state->device.get(), "build its tree");
@@ -235,8 +258,9 @@ std::optional<Hit> Tracer::closest(const DVec3& origin, const DVec3& direction) 
     embree::intersect1(state_->scene.get(), query);
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
     Hit hit;
-    hit.mesh = query.hit.geomID;
-    hit.triangle = state_->meshes[hit.mesh].triangle(query.hit.primID);
+    const TracedTriangles& traced = state_->geometries[query.hit.geomID];
+    hit.mesh = static_cast<std::uint32_t>(traced.mesh);
+    hit.triangle = traced.triangle(query.hit.primID);
     hit.u = query.hit.u;
     hit.v = query.hit.v;
     hit.distance = static_cast<float>(query.ray.tfar / state_->space.scale());

@@ -29,8 +29,10 @@ struct Hit {
 };
 
 /// Answers visibility among a scene's triangles. Robust: no leaks at shared edges. Triangles that
-/// cannot be hit (zero area) are left out; triangles of materials with alpha mode BLEND cast no
-/// shadow and are seen only by closest(). Where alpha mode MASK cuts a hole, rays go through.
+/// cannot be hit (zero area) are left out; what casts no shadow (casts_shadow() in occluders.h) is
+/// seen only by closest(). Every other triangle is met from both sides. Where alpha mode MASK cuts
+/// a hole, rays go through: triangles are solid, clear or with holes (coverage.h) before the first
+/// ray, and only the last kind looks into its texture at a hit.
 ///
 /// Origins are world positions, in double because rays are traced in a space of finer grain
 /// (TraceSpace); directions need not be unit. An origin on a surface may or may not meet it:

@@ -12,7 +12,6 @@
 #include "envbake/runtime/sh.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numbers>
 #include <unordered_map>
@@ -26,7 +25,8 @@ using std::numbers::pi;
 
 constexpr int kMaxRays = 1 << 18;
 constexpr std::size_t kBlock = 64;          ///< vertices of one call of a parallel loop
-constexpr std::size_t kHandOver = 1 << 15;  ///< vertices whose rows are in memory together
+constexpr std::size_t kHandOver = 1 << 15;  ///< vertices whose rows are in memory together, at most
+constexpr std::size_t kKeptOverhead = 64;   ///< bytes of a kept row beside its floats
 
 /// A pilot makes the rays that follow it less of a neighbourhood, which costs 5 to 7 % of their
 /// time, and saves three quarters of the rays of a solved vertex: below this share of solved
@@ -93,16 +93,9 @@ class DiffuseBake {
     DiffuseReport report_;
 };
 
-/// Uniform in [0, 1), from where the vertex is and how it faces: not from its number, so that a
-/// vertex has the same result wherever it stands in the file.
+/// Uniform in [0, 1).
 double DiffuseBake::random(std::uint32_t vertex, Stage stage) const {
-    const Vec3 place = tracer_.space().to_local(mesh_.positions[vertex]);
-    std::uint64_t key = 0;
-    for (const Vec3& v : {place, mesh_.normals[vertex]})
-        for (int axis = 0; axis < 3; ++axis)  // -0 + 0 is 0
-            key =
-                RandomStream(key, stage, std::bit_cast<std::uint32_t>(v[axis] + 0.0f)).next_bits();
-    return RandomStream(job_.seed, stage, key).next();
+    return RandomStream(job_.seed, stage, points_.stream(vertex, tracer_.space())).next();
 }
 
 void DiffuseBake::count_copies() {
@@ -265,11 +258,24 @@ Expected<DiffuseReport> DiffuseBake::run(
     for (std::uint32_t v = 0; v < count; ++v)
         if (is_copy(v)) last_copy[points_.representative(v)] = v;
 
-    std::vector<float> rows(std::min(kHandOver, count) * coeffs_);
-    std::vector<Traced> traced(std::min(kHandOver, count));
+    // Half of the budget for the rows of one hand-over, the rest for rows that copies wait for.
+    const std::size_t row_bytes = coeffs_ * sizeof(float);
+    const std::size_t in_hand_bytes = row_bytes + sizeof(Traced);
+    const std::size_t hand_over =
+        std::clamp(job_.memory_bytes / 2 / in_hand_bytes, kBlock, kHandOver);
+    const std::size_t in_hand = std::min(hand_over, count) * in_hand_bytes;
+    const std::size_t max_kept =
+        (job_.memory_bytes - std::min(job_.memory_bytes, in_hand)) / (row_bytes + kKeptOverhead);
+    std::vector<float> rows(std::min(hand_over, count) * coeffs_);
+    std::vector<Traced> traced(std::min(hand_over, count));
     std::unordered_map<std::uint32_t, std::vector<float>> kept;  // rows from before that are copied
-    for (std::size_t begin = 0; begin < count; begin += kHandOver) {
-        const std::size_t size = std::min(kHandOver, count - begin);
+    for (std::size_t begin = 0; begin < count; begin += hand_over) {
+        const std::size_t size = std::min(hand_over, count - begin);
+        // A copy of what is no longer in memory is baked again: the same bits, for more rays.
+        const auto is_repeated = [&](std::size_t v) {
+            const std::uint32_t place = points_.representative(v);
+            return is_copy(v) && place < begin && !kept.contains(place);
+        };
         const auto row = [&](std::size_t v) {
             return std::span(rows).subspan((v - begin) * coeffs_, coeffs_);
         };
@@ -279,8 +285,8 @@ Expected<DiffuseReport> DiffuseBake::run(
             for (std::size_t v = first; v < end; ++v) {
                 if (points_.representative(v) == SurfacePoints::kNone)
                     std::fill(row(v).begin(), row(v).end(), 0.0f);
-                else if (!is_copy(v))
-                    traced[v - begin] = bake_row(static_cast<std::uint32_t>(v), row(v));
+                else if (!is_copy(v) || is_repeated(v))
+                    traced[v - begin] = bake_row(points_.representative(v), row(v));
             }
             progress.add(end - first);
         });
@@ -292,13 +298,15 @@ Expected<DiffuseReport> DiffuseBake::run(
                 report_.ray_count += static_cast<std::uint64_t>(t.rays);
                 report_.solved_count += t.solved;
             }
-            if (is_copy(v)) {
+            if (is_repeated(v)) {
+                report_.repeated_ray_count += static_cast<std::uint64_t>(t.rays);
+            } else if (is_copy(v)) {
                 const std::uint32_t place = points_.representative(v);
                 const std::span<const float> source =
                     place >= begin ? row(place) : std::span<float>(kept.at(place));
                 std::copy(source.begin(), source.end(), row(v).begin());
                 if (place < begin && last_copy[place] == v) kept.erase(place);
-            } else if (last_copy[v] >= begin + size) {
+            } else if (t.rays > 0 && last_copy[v] >= begin + size && kept.size() < max_kept) {
                 kept.emplace(static_cast<std::uint32_t>(v),
                              std::vector<float>(row(v).begin(), row(v).end()));
             }

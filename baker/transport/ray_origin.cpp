@@ -13,10 +13,13 @@ namespace {
 
 using Key = std::array<std::uint32_t, 6>;
 
-Key key_of(const Mesh& mesh, std::size_t vertex) {
-    const Vec3 &p = mesh.positions[vertex], &n = mesh.normals[vertex];
+Key key_of(const Vec3& p, const Vec3& n) {
     const auto bits = [](float x) { return std::bit_cast<std::uint32_t>(x + 0.0f); };  // -0 to 0
     return {bits(p.x), bits(p.y), bits(p.z), bits(n.x), bits(n.y), bits(n.z)};
+}
+
+Key key_of(const Mesh& mesh, std::size_t vertex) {
+    return key_of(mesh.positions[vertex], mesh.normals[vertex]);
 }
 
 std::uint64_t hash(const Key& key) {
@@ -41,6 +44,16 @@ struct Corner {
     double angle_rad;      ///< at the corner
     double longest_edge;   ///< of the two that leave the corner
     double opposite_edge;  ///< length
+
+    /// An order of their own for sums: two that are equal here are equal in all that is summed.
+    bool operator<(const Corner& o) const {
+        const auto key = [](const Corner& c) {
+            return std::array{c.cross.x,      c.cross.y,       c.cross.z,
+                              c.bisector.x,   c.bisector.y,    c.bisector.z,
+                              c.longest_edge, c.opposite_edge, c.angle_rad};
+        };
+        return key(*this) < key(o);
+    }
 };
 
 Corner corner_at(const Triangle& t, const DVec3& p) {
@@ -128,12 +141,16 @@ RayOrigin SurfacePoints::origin(std::uint32_t representative, const TraceSpace& 
     const DVec3 p = mesh_.positions[representative];
     const DVec3 n = glm::normalize(DVec3(mesh_.normals[representative]));
 
+    std::vector<Corner> corners;
+    for (const std::uint32_t i : triangles_at(representative))
+        corners.push_back(corner_at(triangle_of(mesh_, i), p));
+    std::sort(corners.begin(), corners.end());
+
     DVec3 normal_sum(0);   // weighted by area
     DVec3 inwards_sum(0);  // integral of the unit directions over the angles at p
     double area_sum = 0, angle_sum = 0, extent = 0;
     double room = std::numeric_limits<double>::infinity();  // from p to the nearest opposite edge
-    for (const std::uint32_t i : triangles_at(representative)) {
-        const Corner corner = corner_at(triangle_of(mesh_, i), p);
+    for (const Corner& corner : corners) {
         normal_sum += corner.cross;
         area_sum += corner.area;
         inwards_sum += corner.bisector * (2 * std::sin(corner.angle_rad / 2));
@@ -152,14 +169,18 @@ RayOrigin SurfacePoints::origin(std::uint32_t representative, const TraceSpace& 
     moved -= g * glm::dot(g, moved);
 
     double up = lift;
-    for (const std::uint32_t i : triangles_at(representative)) {
-        const Corner corner = corner_at(triangle_of(mesh_, i), p);
+    for (const Corner& corner : corners) {
         if (is_thin(corner)) continue;
         const DVec3 n_f = corner.cross * (side / corner.area);
         const double rise = glm::dot(n_f, g);
         if (rise > 0.05) up = std::max(up, (lift - glm::dot(n_f, moved)) / rise);
     }
     return {p + moved + g * up, n};
+}
+
+std::uint64_t SurfacePoints::stream(std::uint32_t representative, const TraceSpace& space) const {
+    return hash(
+        key_of(space.to_local(mesh_.positions[representative]), mesh_.normals[representative]));
 }
 
 }  // namespace envbake

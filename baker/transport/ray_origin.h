@@ -50,8 +50,15 @@ class SurfacePoints {
     /// The first vertex equal to `vertex`, maybe itself; kNone where it is not on a surface.
     std::uint32_t representative(std::size_t vertex) const { return representative_[vertex]; }
 
-    /// Of a representative. O(triangles that meet there).
+    /// Of a representative. O(n log n) in the triangles that meet there. Depends on what they are,
+    /// to the bit, and not on the order in which the mesh lists them.
     RayOrigin origin(std::uint32_t representative, const TraceSpace& space) const;
+
+    /// A number to draw random numbers from: that of the place, and not of the vertex. It depends
+    /// on the position in trace space and on the normal alone, so a scene whose vertices, triangles
+    /// or meshes are listed in another order, or which is moved or scaled without rounding, is
+    /// baked to the same bits.
+    std::uint64_t stream(std::uint32_t representative, const TraceSpace& space) const;
 
   private:
     void weld();

@@ -35,7 +35,7 @@ BareRays::BareRays(const Scene& scene, const TraceSpace& space)
     rtcSetSceneFlags(state_->scene, RTC_SCENE_FLAG_ROBUST);
     rtcSetSceneBuildQuality(state_->scene, RTC_BUILD_QUALITY_MEDIUM);
     for (const Mesh& mesh : scene.meshes) {
-        if (mesh.triangles.empty() || !casts_shadow(occlusion_of(scene, mesh))) continue;
+        if (mesh.triangles.empty() || !casts_shadow(scene, mesh)) continue;
         RTCGeometry geometry = rtcNewGeometry(state_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
         auto* position = static_cast<float*>(
             rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,

@@ -116,6 +116,15 @@ TEST_F(Commands, ThreadCountDoesNotChangeAByte) {
     }
 }
 
+TEST_F(Commands, MemoryDoesNotChangeAByte) {
+    bake({"--memory", "1GB"});
+    const std::string rich = read_file(bundle_);
+    bake({"--memory", "1kb", "--force"});
+    EXPECT_TRUE(read_file(bundle_) == rich);
+    EXPECT_EQ(envbake(bake_arguments({"--memory", "much"})).status, 2);
+    EXPECT_EQ(envbake(bake_arguments({"--memory", "-1"})).status, 2);
+}
+
 TEST_F(Commands, WhatIsUpToDateIsLeftAlone) {
     bake();
     const auto time = fs::last_write_time(bundle_);
@@ -141,6 +150,30 @@ TEST_F(Commands, AChangedInputOrOptionIsBakedAgain) {
     write_small_scene(folder_.path(), "scene", 5);  // the .bin changes as well
     bake({"--bands", "3"});
     EXPECT_EQ(dump()["metadata"]["meshes"][0]["vertex_count"], 40);
+}
+
+TEST_F(Commands, MeshesMayBeMarked) {
+    bake({"--no-cast", "floor and roof"});
+    json d = dump();
+    EXPECT_EQ(d["metadata"]["meshes"][0]["casts"], false);
+    EXPECT_EQ(d["metadata"]["meshes"][0]["diffuse"]["free"], 29) << "the roof shades nothing";
+    bake({"--no-receive", "box", "--no-receive", "mesh/0"});
+    d = dump();
+    EXPECT_EQ(d["metadata"]["meshes"][0]["receives"], false);
+    EXPECT_FALSE(d["metadata"]["meshes"][0].contains("diffuse"));
+    for (const json& array : d["arrays"]) EXPECT_NE(array["name"], "mesh/0/diffuse");
+    const Outcome plan = envbake({"plan", scene_, "--no-receive", "box"});
+    EXPECT_NE(plan.out.find("marked as receiving nothing"), std::string::npos) << plan.out;
+    bake();
+    d = dump();
+    EXPECT_LT(d["metadata"]["meshes"][0]["diffuse"]["free"], 29);
+    EXPECT_FALSE(d["metadata"]["meshes"][0].contains("casts"));
+    for (const char* option : {"--no-cast", "--no-receive"}) {
+        const Outcome unknown = envbake(bake_arguments({"--force", option, "roof"}));
+        EXPECT_EQ(unknown.status, 2);
+        EXPECT_NE(unknown.err.find("\"roof\""), std::string::npos) << unknown.err;
+        EXPECT_EQ(envbake({"bake", "--env", sky_, "-o", bundle_, option, "box"}).status, 2);
+    }
 }
 
 TEST_F(Commands, PartsOfTheInputMayBeMissing) {
@@ -320,6 +353,20 @@ TEST_F(Commands, AConstantGreySkyIsAFewNumbers) {
     for (const char* reason : {"1 of 5 bands", "grey: one channel", "one texel a level",
                                "no light is small and stands out"})
         EXPECT_NE(plan.out.find(reason), std::string::npos) << reason << "\n" << plan.out;
+}
+
+TEST_F(Commands, ACertifiedBakeStatesProvedErrorsBelowTheTolerance) {
+    bake({"--certify", "--tolerance", "0.02"});
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
+    const json d = dump();
+    int mips = 0;
+    for (const auto& [name, array] : d["metadata"]["arrays"].items()) {
+        if (name.rfind("environment/mips/", 0) != 0) continue;
+        EXPECT_LE(array["error"], 0.02) << name;
+        EXPECT_EQ(std::string(array["norm"]).rfind("proved", 0), 0u) << name;
+        ++mips;
+    }
+    EXPECT_GE(mips, 1);
 }
 
 TEST_F(Commands, EveryLightingOptionMakesAValidBundle) {

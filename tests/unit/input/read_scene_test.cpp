@@ -420,6 +420,52 @@ Expected<Scene> read_with_material(const json& material, const char* extension) 
     return read(g.text());
 }
 
+TEST(ReadScene, InstancesOfAMeshStandEachInItsOwnPlace) {
+    GltfText g = one_triangle({{"name", "first"}, {"translation", {1, 2, 3}}});
+    g.push("nodes", {{"name", "second"}, {"mesh", 0}, {"scale", {2, 2, -2}}});
+    const auto scene = read(g.text());
+    ASSERT_TRUE(scene) << scene.error();
+    ASSERT_EQ(scene->meshes.size(), 2u);
+    expect_near(scene->meshes[0].positions[1], {2, 2, 3});
+    expect_near(scene->meshes[1].positions[1], {2, 0, 0});
+    expect_near(scene->meshes[0].normals[0], {0, 0, 1});
+    expect_near(scene->meshes[1].normals[0], {0, 0, -1});
+    expect_near(face_normal(scene->meshes[1], 0), {0, 0, -1});  // mirrored: still the outside
+    for (const Mesh& mesh : scene->meshes) EXPECT_EQ(mesh.mesh, 0);
+}
+
+/// The mesh says it for all that show it, a node for its own.
+TEST(ReadScene, MarksInExtras) {
+    GltfText g = one_triangle();
+    const auto node = [&](const json& marks) {
+        g.push("nodes", {{"mesh", 0}, {"extras", {{"envbake", marks}, {"other", 1}}}});
+    };
+    g.document["meshes"][0]["extras"] = {{"envbake", {{"receives", false}}}};
+    node({{"casts", false}});
+    node({{"receives", true}, {"casts", true}});
+    node({{"recieves", true}});
+    const auto scene = read(g.text());
+    ASSERT_TRUE(scene) << scene.error();
+    const auto marks = [&](std::size_t i) {
+        return std::pair(scene->meshes[i].receives, scene->meshes[i].casts);
+    };
+    EXPECT_EQ(marks(0), std::pair(false, true));
+    EXPECT_EQ(marks(1), std::pair(false, false));
+    EXPECT_EQ(marks(2), std::pair(true, true));
+    EXPECT_EQ(marks(3), std::pair(false, true));
+    EXPECT_TRUE(has_note(*scene, "nodes[3].extras.envbake.\"recieves\" is not known"));
+
+    for (const json& bad : {json(1), json({{"casts", 0}}), json({{"receives", "no"}})}) {
+        g = one_triangle({{"extras", {{"envbake", bad}}}});
+        EXPECT_TRUE(contains(refusal(g.text()), "nodes[0].extras.envbake")) << bad;
+    }
+    for (const json& other : {json(1), json("envbake"), json::array({1}), json({{"x", 1}})}) {
+        const auto plain = read(one_triangle({{"extras", other}}).text());
+        ASSERT_TRUE(plain) << plain.error();
+        EXPECT_TRUE(plain->meshes[0].receives && plain->meshes[0].casts);
+    }
+}
+
 TEST(ReadScene, ReflectanceFromIorAndSpecular) {
     const auto r0 = [](const char* extension, const json& values) {
         const auto scene = read_with_material({{"extensions", {{extension, values}}}}, extension);

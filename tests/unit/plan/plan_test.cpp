@@ -71,6 +71,23 @@ TEST(Plan, NoEnvironmentMeansNoLighting) {
     EXPECT_TRUE(stage(plan, "mesh/0/diffuse").job);
 }
 
+TEST(Plan, MarkedMeshes) {
+    BakeFacts facts = facts_of({dielectric(0.5f), dielectric(0.5f), dielectric(0.5f)});
+    facts.meshes[0].receives = false;
+    facts.meshes[1].casts = false;
+    BakeRequest request;
+    request.unshadowed = true;
+    const BakePlan plan = plan_of(facts, request);
+    EXPECT_FALSE(stage(plan, "mesh/0/diffuse").job);
+    EXPECT_FALSE(stage(plan, "mesh/0/unshadowed").job);
+    EXPECT_EQ(stage(plan, "mesh/0/diffuse").reason, "marked as receiving nothing");
+    EXPECT_TRUE(stage(plan, "mesh/1/diffuse").job);
+    EXPECT_NE(stage(plan, "mesh/1/diffuse").reason.find("marked as casting nothing"),
+              std::string::npos);
+    EXPECT_TRUE(stage(plan, "mesh/2/diffuse").job);
+    EXPECT_EQ(stage(plan, "mesh/2/diffuse").reason.find("marked"), std::string::npos);
+}
+
 TEST(Plan, NoSceneMeansAllLightingAndNoTransport) {
     BakeFacts facts;
     facts.environment = sky();

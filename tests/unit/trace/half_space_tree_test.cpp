@@ -51,6 +51,10 @@ TEST(HalfSpaceTree, WhatThrowsNoShadowDoesNotCount) {
     EXPECT_TRUE(HalfSpaceTree(scene).any_above(DVec3(0), DVec3(0, 0, 1)));
     scene.materials[0].alpha_mode = AlphaMode::Blend;
     EXPECT_FALSE(HalfSpaceTree(scene).any_above(DVec3(0), DVec3(0, 0, 1)));
+    scene.materials[0].alpha_mode = AlphaMode::Mask;
+    EXPECT_TRUE(HalfSpaceTree(scene).any_above(DVec3(0), DVec3(0, 0, 1)));
+    scene.materials[0].alpha = 0.4f;
+    EXPECT_FALSE(HalfSpaceTree(scene).any_above(DVec3(0), DVec3(0, 0, 1)));
     EXPECT_FALSE(HalfSpaceTree(Scene{}).any_above(DVec3(0), DVec3(0, 0, 1)));
     EXPECT_FALSE(HalfSpaceTree().any_above(DVec3(0), DVec3(0, 0, 1)));
 }

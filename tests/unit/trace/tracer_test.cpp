@@ -2,6 +2,8 @@
 #include "baker/trace/tracer.h"
 
 #include "baker/core/parallel.h"
+#include "baker/input/sample_texture.h"
+#include "baker/trace/half_space_tree.h"
 #include "baker/trace/occluders.h"
 #include "tests/unit/trace/shapes.h"
 
@@ -206,6 +208,87 @@ TEST(Tracer, RaysGoThroughTheHolesOfAMask) {
         packet.z[i] = -1;
     }
     EXPECT_EQ(tracer.occluded16(beyond, packet), 0xff00u);
+}
+
+/// As if it were not there for light, holes included for those who look.
+TEST(Tracer, WhatIsMarkedAsCastingNothingIsOnlySeen) {
+    Scene scene = masked_scene();
+    scene.meshes[0].casts = false;
+    const Tracer tracer = build(scene);
+    const DVec3 beyond(0, 0, 2);
+    for (const double x : {-0.5, 0.5}) {
+        EXPECT_FALSE(tracer.occluded(beyond, DVec3(x, 0.1, -1)));
+        EXPECT_TRUE(tracer.occluded(DVec3(0), DVec3(x, 0.1, 1)));  // by the wall behind it
+    }
+    EXPECT_EQ(tracer.closest(DVec3(0), DVec3(-0.5, 0.1, 1))->mesh, 1u);
+    EXPECT_EQ(tracer.closest(DVec3(0), DVec3(0.5, 0.1, 1))->mesh, 0u);
+    EXPECT_FALSE(tracer.half_spaces().any_above(DVec3(0, 0, 4), DVec3(0, 0, 1)));
+    EXPECT_FALSE(tracer.half_spaces().any_above(DVec3(0, 0, 0.5), DVec3(0, 0, -1)));
+}
+
+/// Every triangle in turn, and the texture at every hit, whatever was decided beforehand.
+TEST(Tracer, MasksAgreeWithEveryHitLookedUp) {
+    Mesh mesh = test::triangle_soup(300, 0.3f, 21);
+    std::mt19937 random(22);
+    std::uniform_real_distribution<float> uniform(-1, 1);
+    for (std::size_t v = 0; v < mesh.vertex_count(); ++v) {
+        const float u = uniform(random);
+        mesh.uv0.push_back({u, uniform(random)});
+        mesh.uv0.back() *= v / 3 % 3 == 0 ? 1.5f : 0.2f;
+    }
+    Scene scene = masked_scene();
+    scene.meshes = {mesh};
+    int gone = 0, there = 0;
+    const Tracer tracer = build(scene);
+    for (const DVec3& d : random_directions(3000, 23)) {
+        const Vec3 from(uniform(random), uniform(random), uniform(random));
+        double nearest = std::numeric_limits<double>::infinity();
+        bool clear_cut = true;  // of every triangle that is met or nearly so
+        for (std::size_t i = 0; i < mesh.triangle_count(); ++i) {
+            Mesh alone = mesh;
+            alone.triangles.assign(mesh.triangles.begin() + static_cast<std::ptrdiff_t>(3 * i),
+                                   mesh.triangles.begin() + static_cast<std::ptrdiff_t>(3 * i + 3));
+            double nearest_miss = 0;
+            const auto hit = brute_closest(alone, from, d, nearest_miss);
+            if (nearest_miss < 1e-4 || (hit && hit->margin < 1e-4)) clear_cut = false;
+            if (!hit) continue;
+            const Triangle t = triangle_of(mesh, i);
+            const DVec3 p = DVec3(from) + d * hit->distance, cross = t.cross();
+            const auto weight = [&](const Vec3& a, const Vec3& b) {
+                return static_cast<float>(
+                    glm::dot(glm::cross(DVec3(b) - DVec3(a), p - DVec3(a)), cross) /
+                    glm::dot(cross, cross));
+            };
+            const Vec3 weights(weight(t.b, t.c), weight(t.c, t.a), weight(t.a, t.b));
+            const float alpha = surface_material(scene, mesh, i, weights).alpha;
+            if (std::abs(alpha - 0.5f) < 1e-3f) clear_cut = false;
+            ++(alpha < 0.5f ? gone : there);
+            if (alpha >= 0.5f) nearest = std::min(nearest, hit->distance);
+        }
+        if (!clear_cut) continue;
+        EXPECT_EQ(tracer.occluded(from, d), std::isfinite(nearest));
+        const auto hit = tracer.closest(from, d);
+        ASSERT_EQ(hit.has_value(), std::isfinite(nearest));
+        if (hit) {
+            EXPECT_NEAR(hit->distance, nearest, 1e-5 + 1e-4 * nearest);
+        }
+    }
+    EXPECT_GT(gone, 1000);
+    EXPECT_GT(there, 1000);
+}
+
+/// A wall that viewers see from its front alone blocks from its back, too.
+TEST(Tracer, BothFacesBlock) {
+    for (const bool double_sided : {false, true}) {
+        Scene scene = test::scene_of({test::quad({-1, -1, 0}, {2, 0, 0}, {0, 2, 0})});
+        scene.materials[0].double_sided = double_sided;
+        const Tracer tracer = build(scene);
+        for (const double side : {-1.0, 1.0}) {
+            EXPECT_TRUE(tracer.occluded(DVec3(0.1, 0.2, side), DVec3(0, 0, -side)));
+            EXPECT_EQ(tracer.closest(DVec3(0.1, 0.2, side), DVec3(0, 0, -side))->geometric_normal,
+                      Vec3(0, 0, 1));
+        }
+    }
 }
 
 TEST(Tracer, AMaskWithoutTextureIsAllOrNothing) {
