@@ -194,7 +194,7 @@ void DiffuseBake::choose_rays() {
     }
 
     // The aim is a little below the tolerance, for what the sample does not know of the mesh.
-    constexpr double kAim = 0.98;
+    constexpr double kAim = 0.97;
     const auto rays_needed = [&](const RaySet& set, const CrossingError& error,
                                  std::span<const BakedTwice> baked, double samples) {
         const double stated =

@@ -15,7 +15,7 @@ mkdir -p "$folder"
 for what in ladder bare scaling; do
   build/bench/bin/transport_against_time $what | tee "$folder/transport_$what.csv"
 done
-for scene in stanford_bunny suzanne shader_ball dungeon_hall japanese_bridge_garden; do
+for scene in stanford_bunny suzanne shader_ball dungeon_hall japanese_bridge_garden flight_helmet lucy_33k; do
   build/bench/bin/transport_check "$data/meshes/$scene.glb" 3e-2 1e-2 3.5e-3
 done | awk 'NR == 1 || !/^scene/' | tee "$folder/transport_check.csv"
 tests/bench/plot.py "$folder/transport_ladder.csv" "$folder"

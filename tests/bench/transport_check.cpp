@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Holds the error that a diffuse bake states against the true one, as CSV:
 //
-//     scene,tolerance,vertices,rays,check_rays,cpu_us,true_rms,stated_rms,true_p999,stated_p999
+//     scene,tolerance,vertices,rays,check_rays,solved,cpu_us,true_rms,stated_rms,true_p999,stated_p999
 //
 // rays, check_rays, cpu_us  a vertex of the whole scene; CPU time of all threads
+// solved                    share of the vertices that need rays, where a pilot told the answer
 // true_...                  of 2,000 random vertices of the scene, against 2^16 rays each
 // stated_...                what the reports of its meshes say, taken together
 //
@@ -41,7 +42,7 @@ int check_scene(const std::string& name, const Scene& scene, const Tracer& trace
     std::size_t vertex_count = 0;
     for (const Mesh& mesh : scene.meshes) vertex_count += mesh.vertex_count();
     std::puts(
-        "scene,tolerance,vertices,rays,check_rays,cpu_us,true_rms,stated_rms,true_p999,"
+        "scene,tolerance,vertices,rays,check_rays,solved,cpu_us,true_rms,stated_rms,true_p999,"
         "stated_p999");
     for (const double tolerance : tolerances) {
         double least = std::numeric_limits<double>::max();
@@ -56,19 +57,22 @@ int check_scene(const std::string& name, const Scene& scene, const Tracer& trace
             least = std::min(least, cpu_seconds() - begin);
             baked = std::move(*result);
         }
-        double rays = 0, check_rays = 0, square = 0, stated_p999 = 0;
+        double rays = 0, check_rays = 0, solved = 0, traced = 0, square = 0, stated_p999 = 0;
         for (const BakedMesh& mesh : baked) {
             const DiffuseReport& r = mesh.report;
             rays += static_cast<double>(r.ray_count);
             check_rays += static_cast<double>(r.check_ray_count);
+            solved += static_cast<double>(r.solved_count);
+            traced += static_cast<double>(r.traced_count);
             square += r.error_rms * r.error_rms * static_cast<double>(r.vertex_count);
             stated_p999 = std::max(stated_p999, r.error_p999);
         }
         const auto count = static_cast<double>(vertex_count);
         const std::vector<double> errors = errors_of(baked, places, truth);
-        std::printf("%s,%g,%zu,%.1f,%.1f,%.2f,%.3e,%.3e,%.3e,%.3e\n", name.c_str(), tolerance,
-                    vertex_count, rays / count, check_rays / count, 1e6 * least / count,
-                    rms(errors), std::sqrt(square / count), p999(errors), stated_p999);
+        std::printf("%s,%g,%zu,%.1f,%.1f,%.3f,%.2f,%.3e,%.3e,%.3e,%.3e\n", name.c_str(), tolerance,
+                    vertex_count, rays / count, check_rays / count, solved / traced,
+                    1e6 * least / count, rms(errors), std::sqrt(square / count), p999(errors),
+                    stated_p999);
         std::fflush(stdout);
     }
     return 0;
