@@ -140,6 +140,7 @@ Json diffuse_json(const DiffuseReport& r) {
             {"rays", r.ray_count},
             {"check_rays", r.check_ray_count},
             {"traced", r.traced_count},
+            {"solved", r.solved_count},
             {"free", r.free_count},
             {"merged", r.merged_count},
             {"unreferenced", r.unreferenced_count},

@@ -3,10 +3,10 @@
 
 #include "baker/core/parallel.h"
 #include "baker/core/random.h"
+#include "baker/transport/crossing_error.h"
 #include "baker/transport/free_vertices.h"
 #include "baker/transport/ray_origin.h"
 #include "baker/transport/ray_set.h"
-#include "baker/transport/sample_error.h"
 #include "baker/transport/visible_transport.h"
 
 #include "envbake/runtime/sh.h"
@@ -28,13 +28,17 @@ constexpr std::size_t kBlock = 64;          ///< vertices of one call of a paral
 constexpr std::size_t kHandOver = 1 << 15;  ///< vertices whose rows are in memory together, at most
 constexpr std::size_t kKeptOverhead = 64;   ///< bytes of a kept row beside its floats
 
-/// Error falls as the ray count to the power of -1 / kRayExponent. Measured on scans and indoors.
-constexpr double kRayExponent = 1.27;
+/// A pilot makes the rays that follow it less of a neighbourhood, which costs 5 to 7 % of their
+/// time, and saves three quarters of the rays of a solved vertex: below this share of solved
+/// vertices it does not pay.
+constexpr double kSolvedShareThatPays = 0.14;
+/// With fewer rays a pilot overlooks too much: 32 missed a quarter of the error, unseen by any
+/// estimate of it.
+constexpr int kFewestPilotRays = 48;
 
-/// Streams of the turns: those of the result and those of the reference it is checked against.
-enum Stage : std::uint64_t { kResultTurns = 0x646966, kReferenceTurns, kSampleChoice };
-
-enum class Kind : std::uint8_t { Unreferenced, Merged, Free, Traced };
+/// Random streams: turns of the result, turns of the second bake that it is held against, choice of
+/// the vertices that are baked twice.
+enum Stage : std::uint64_t { kResultTurns = 0x646966, kSecondTurns, kSampleChoice };
 
 double unoccluded_norm(int bands) {
     double sum = 0;
@@ -49,12 +53,17 @@ int scaled_rays(double ray_count, double factor) {
     return static_cast<int>(std::clamp(ray_count * factor, 16.0, 1.0 * kMaxRays));
 }
 
+/// How the ray count must change for the mean square error to be multiplied by `factor`.
+double rays_for_variance(double factor) {
+    return std::pow(factor, -1 / kVarianceExponent);
+}
+
 class DiffuseBake {
   public:
     DiffuseBake(const DiffuseJob& job, const Scene& scene, std::size_t mesh, const Tracer& tracer)
         : job_(job),
           tracer_(tracer),
-          mesh_(mesh),
+          mesh_(scene.meshes[mesh]),
           coeffs_(static_cast<std::size_t>(sh::coeff_count(job.bands))),
           points_(scene.meshes[mesh]) {}
 
@@ -62,175 +71,210 @@ class DiffuseBake {
                                 Progress& progress);
 
   private:
-    void classify();
+    void count_copies();
     void choose_rays();
-    ErrorEstimate measure(const RaySet& set, std::span<const std::uint32_t> sample);
-    std::vector<std::uint32_t> choose_sample(std::size_t count) const;
-    void bake_row(std::uint32_t vertex, std::span<float> row) const;
-    double turn_rad(std::uint32_t vertex, Stage stage) const;
+    bool choose_sample();
+    std::vector<BakedTwice> bake_twice(const RaySet& set, std::span<const std::uint32_t> sample);
+    double mean_square(const CrossingError& error, std::span<const BakedTwice> baked) const;
+    bool is_open(const RayOrigin& origin) const;
+    Traced bake_row(std::uint32_t vertex, std::span<float> row) const;
+    double random(std::uint32_t vertex, Stage stage) const;
 
     DiffuseJob job_;
     const Tracer& tracer_;
-    std::size_t mesh_;
+    const Mesh& mesh_;
     std::size_t coeffs_;
     SurfacePoints points_;
-    std::vector<Kind> kinds_;
-    std::uint64_t traced_with_copies_ = 0;
+    std::vector<std::uint32_t> copies_;  ///< of each representative, itself included
+    std::vector<std::uint32_t> sample_;  ///< some of those that need rays
+    double traced_share_ = 0;            ///< of all vertices, by the sample
     RaySet set_;
+    CrossingError error_;
     DiffuseReport report_;
 };
 
-double DiffuseBake::turn_rad(std::uint32_t vertex, Stage stage) const {
-    return 2 * pi * RandomStream(job_.seed, stage, points_.stream(vertex, tracer_.space())).next();
+/// Uniform in [0, 1).
+double DiffuseBake::random(std::uint32_t vertex, Stage stage) const {
+    return RandomStream(job_.seed, stage, points_.stream(vertex, tracer_.space())).next();
 }
 
-/// Sorts every vertex into its kind and counts.
-void DiffuseBake::classify() {
+void DiffuseBake::count_copies() {
     const std::size_t count = points_.size();
-    kinds_.resize(count);
-    parallel_for((count + kBlock - 1) / kBlock, [&](std::size_t block) {
-        const std::size_t end = std::min((block + 1) * kBlock, count);
-        for (std::size_t v = block * kBlock; v < end; ++v) {
-            const std::uint32_t place = points_.representative(v);
-            if (place == SurfacePoints::kNone)
-                kinds_[v] = Kind::Unreferenced;
-            else if (place != v)
-                kinds_[v] = Kind::Merged;
-            else if (!job_.shadowed ||
-                     is_free(points_.origin(place, tracer_.space()), tracer_.half_spaces()))
-                kinds_[v] = Kind::Free;
-            else
-                kinds_[v] = Kind::Traced;
-        }
-    });
     report_.vertex_count = count;
+    copies_.assign(count, 0);
     for (std::size_t v = 0; v < count; ++v) {
-        report_.unreferenced_count += kinds_[v] == Kind::Unreferenced;
-        report_.merged_count += kinds_[v] == Kind::Merged;
-        report_.free_count += kinds_[v] == Kind::Free;
-        report_.traced_count += kinds_[v] == Kind::Traced;
-        if (kinds_[v] != Kind::Unreferenced)
-            traced_with_copies_ += kinds_[points_.representative(v)] == Kind::Traced;
+        const std::uint32_t place = points_.representative(v);
+        report_.unreferenced_count += place == SurfacePoints::kNone;
+        if (place == SurfacePoints::kNone) continue;
+        report_.merged_count += place != v;
+        ++copies_[place];
     }
 }
 
-/// One vertex at random from each of `count` equal stretches of those that need rays, copies
-/// included; each stands for the place it is a copy of.
-std::vector<std::uint32_t> DiffuseBake::choose_sample(std::size_t count) const {
-    std::vector<std::uint32_t> traced;
-    for (std::size_t v = 0; v < points_.size(); ++v)
-        if (kinds_[v] != Kind::Unreferenced && kinds_[points_.representative(v)] == Kind::Traced)
-            traced.push_back(points_.representative(v));
-    if (count >= traced.size()) return traced;
-    RandomStream random(job_.seed, kSampleChoice, mesh_);
-    std::vector<std::uint32_t> sample;
-    const double stretch = static_cast<double>(traced.size()) / static_cast<double>(count);
-    for (std::size_t i = 0; i < count; ++i) {
-        const auto at =
-            static_cast<std::size_t>((static_cast<double>(i) + random.next()) * stretch);
-        sample.push_back(traced[std::min(at, traced.size() - 1)]);
-    }
-    return sample;
+bool DiffuseBake::is_open(const RayOrigin& origin) const {
+    return !job_.shadowed || is_free(origin, tracer_.half_spaces());
 }
 
-/// Bakes the sample with `set` as the result will be, and again with four times the rays.
-ErrorEstimate DiffuseBake::measure(const RaySet& set, std::span<const std::uint32_t> sample) {
-    const RaySet reference_set = make_ray_set(4 * set.ray_count, job_.bands);
-    std::vector<double> errors(sample.size());
+/// Places at random, in an order that does not depend on that of the vertices. False where every
+/// place was looked at and none needs rays.
+bool DiffuseBake::choose_sample() {
+    std::vector<std::pair<double, std::uint32_t>> places;
+    for (std::uint32_t v = 0; v < points_.size(); ++v)
+        if (copies_[v] > 0) places.emplace_back(random(v, kSampleChoice), v);
+    // Each of the sample costs as much as two vertices, and what a sample of S leaves unknown of
+    // the mean square, 0.85 / sqrt(S), costs rays as well: for most meshes this is near the least.
+    const std::size_t wanted = std::clamp<std::size_t>(
+        places.size() / 96, std::min<std::size_t>(places.size() / 12 + 2, 64), 512);
+    const std::size_t looked_at = std::min(8 * wanted, places.size());  // most may be free
+    std::partial_sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(looked_at),
+                      places.end());
+    double traced = 0, seen = 0;
+    for (std::size_t i = 0; i < looked_at && sample_.size() < wanted; ++i) {
+        const std::uint32_t vertex = places[i].second;
+        seen += copies_[vertex];
+        if (is_open(points_.origin(vertex, tracer_.space()))) continue;
+        traced += copies_[vertex];
+        sample_.push_back(vertex);
+    }
+    if (traced > 0)
+        traced_share_ = traced / seen *
+                        (1 - static_cast<double>(report_.unreferenced_count) /
+                                 static_cast<double>(points_.size()));
+    return !sample_.empty() || looked_at < places.size();
+}
+
+/// The sample as the result will be, and each again with a turn of its own, never stopped: the
+/// second bake tells what stopping overlooked, too.
+std::vector<BakedTwice> DiffuseBake::bake_twice(const RaySet& set,
+                                                std::span<const std::uint32_t> sample) {
+    std::vector<BakedTwice> baked(sample.size());
+    std::vector<int> rays(sample.size());
     const double norm = unoccluded_norm(job_.bands);
     parallel_for(sample.size(), [&](std::size_t i) {
-        const std::uint32_t vertex = sample[i];
-        const RayOrigin origin = points_.origin(vertex, tracer_.space());
-        std::vector<float> row(coeffs_), reference(coeffs_);
-        visible_transport(set, tracer_, origin, turn_rad(vertex, kResultTurns), row);
-        visible_transport(reference_set, tracer_, origin, turn_rad(vertex, kReferenceTurns),
-                          reference);
+        const RayOrigin origin = points_.origin(sample[i], tracer_.space());
+        std::vector<float> row(coeffs_), other(coeffs_);
+        const Traced first =
+            visible_transport(set, tracer_, origin, 2 * pi * random(sample[i], kResultTurns), row);
+        const Traced second = visible_transport(
+            set, tracer_, origin, 2 * pi * random(sample[i], kSecondTurns), other, Stop::Never);
         double square = 0;
         for (std::size_t c = 0; c < coeffs_; ++c) {
-            const double difference = double{row[c]} - double{reference[c]};
+            const double difference = double{row[c]} - double{other[c]};
             square += difference * difference;
         }
-        // Two bakes that agree may still both have missed something: by the rule of succession,
-        // one more ray would have differed with probability 1 / (rays + 2), and that ray's share
-        // of the transfer is of the order of the whole. Agreement is not counted as less.
-        const double unseen = 1.0 / (set.ray_count + reference_set.ray_count + 2);
-        errors[i] = std::max(std::sqrt(square) / norm, unseen);
+        const bool alike = first.crossings > 0;  // else the second one's own error hardly counts
+        baked[i] = {first.crossings, square / (norm * norm) / (alike ? 2 : 1)};
+        rays[i] = first.rays + second.rays;
     });
-    report_.check_ray_count +=
-        sample.size() * static_cast<std::uint64_t>(set.ray_count + reference_set.ray_count);
-    return estimate_error(errors, traced_with_copies_, report_.vertex_count);
+    for (const int count : rays) report_.check_ray_count += static_cast<std::uint64_t>(count);
+    return baked;
 }
 
-/// Fixes the ray set, and with it the error that the report states.
+/// Expected mean square error of the whole mesh, by the crossings of the first of the sample.
+double DiffuseBake::mean_square(const CrossingError& error,
+                                std::span<const BakedTwice> baked) const {
+    double sum = 0, weights = 0;
+    for (std::size_t i = 0; i < baked.size(); ++i) {
+        const double weight = copies_[sample_[i]];
+        const int crossings = baked[i].crossings;
+        sum += weight * (crossings == 0 ? error.solved : error.per_crossing * crossings);
+        weights += weight;
+    }
+    return sum / weights * traced_share_;
+}
+
+/// Fixes the ray set and what one crossing of its rays says of the error.
 void DiffuseBake::choose_rays() {
-    // At five times the rays each, a sixty-fourth of the places costs 8 %; few places need more.
-    const std::size_t places = report_.traced_count;
-    const std::size_t sample_size =
-        std::clamp(places / 64, std::min<std::size_t>(32, places / 32 + 2), std::size_t{512});
-    const std::vector<std::uint32_t> sample = choose_sample(sample_size);
-    const int expected = expected_rays_per_vertex(job_);
-    const bool fixed = job_.rays_per_vertex > 0;
-    // What the count must be multiplied by to get an error to just below the tolerance.
-    const auto correction = [&](const ErrorEstimate& error, double aim) {
-        return std::pow(error.rms_sample / (aim * job_.tolerance), kRayExponent);
-    };
-
-    set_ = make_ray_set(expected, job_.bands);
-    constexpr std::size_t kPilotPart = 4;
-    if (!fixed && sample.size() >= 64) {
-        std::vector<std::uint32_t> pilot;
-        for (std::size_t i = 0; i < sample.size(); i += kPilotPart) pilot.push_back(sample[i]);
-        const double factor = std::clamp(correction(measure(set_, pilot), 0.9), 0.25, 8.0);
-        set_ = make_ray_set(scaled_rays(set_.ray_count, factor), job_.bands);
-    }
-    ErrorEstimate error = measure(set_, sample);
-    for (int round = 0; round < 2 && !fixed; ++round) {
-        if (error.rms_traced <= job_.tolerance || set_.ray_count >= kMaxRays) break;
-        const double factor = std::clamp(correction(error, 0.9), 1.1, 8.0);
-        set_ = make_ray_set(scaled_rays(set_.ray_count, factor), job_.bands);
-        error = measure(set_, sample);
-    }
-    report_.rays_per_vertex = set_.ray_count;
-    report_.error_rms = error.rms_all;
-    report_.error_p999 = error.p999_all;
-}
-
-void DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row) const {
-    const RayOrigin origin = points_.origin(vertex, tracer_.space());
-    if (kinds_[vertex] == Kind::Traced) {
-        visible_transport(set_, tracer_, origin, turn_rad(vertex, kResultTurns), row);
+    const int first_guess = expected_rays_per_vertex(job_);
+    if (job_.rays_per_vertex > 0 || sample_.empty()) {
+        set_ = make_ray_set(first_guess, job_.bands);
+        error_ = fit_error(CrossingError::expected(set_.ray_count, false, job_.bands),
+                           bake_twice(set_, sample_));
         return;
     }
+
+    // The aim is a little below the tolerance, for what the sample does not know of the mesh.
+    constexpr double kAim = 0.97;
+    const auto rays_needed = [&](const RaySet& set, const CrossingError& error,
+                                 std::span<const BakedTwice> baked, double samples) {
+        const double stated =
+            mean_square(error, baked) *
+            standard_error_factor(samples, traced_share_ * static_cast<double>(points_.size()));
+        const double aim = kAim * job_.tolerance;
+        return scaled_rays(set.ray_count, rays_for_variance(aim * aim / stated));
+    };
+
+    // Few vertices tell about how many rays the mesh needs, and whether many are solved by a pilot.
+    const auto few = std::span(sample_).first(
+        std::min(sample_.size(), std::clamp<std::size_t>(sample_.size() / 4, 12, 64)));
+    RaySet set = make_ray_set(first_guess, job_.bands, true);
+    std::vector<BakedTwice> baked = bake_twice(set, few);
+    const auto solved = std::count_if(baked.begin(), baked.end(),
+                                      [](const BakedTwice& b) { return b.crossings == 0; });
+    const bool many_solved =
+        static_cast<double>(solved) > kSolvedShareThatPays * static_cast<double>(few.size());
+    const CrossingError rough =
+        fit_error(CrossingError::expected(set.ray_count, true, job_.bands), baked);
+    int rays = rays_needed(set, rough, baked,
+                           rough.samples + static_cast<double>(sample_.size() - few.size()));
+
+    // The whole sample, at a count so near to the final one that the law bridges the difference.
+    bool with_pilot = false;
+    for (int round = 0; round < 3; ++round) {
+        with_pilot = many_solved && rays >= 4 * kFewestPilotRays;
+        set = make_ray_set(rays, job_.bands, with_pilot);
+        baked = bake_twice(set, sample_);
+        error_ = fit_error(CrossingError::expected(set.ray_count, with_pilot, job_.bands), baked);
+        rays = rays_needed(set, error_, baked, error_.samples);
+        if (std::abs(std::log(static_cast<double>(rays) / set.ray_count)) < std::log(1.3)) break;
+    }
+    set_ = make_ray_set(rays, job_.bands, with_pilot);
+    error_ = error_.scaled(set.ray_count, set_.ray_count);
+}
+
+Traced DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row) const {
+    const RayOrigin origin = points_.origin(vertex, tracer_.space());
+    if (!is_open(origin))
+        return visible_transport(set_, tracer_, origin, 2 * pi * random(vertex, kResultTurns), row);
     std::array<double, sh::coeff_count(sh::kMaxBundleBands)> exact;
     unoccluded_transport(job_.bands, origin.normal, exact);
     for (std::size_t i = 0; i < row.size(); ++i) row[i] = static_cast<float>(exact[i]);
+    return {};
 }
 
 Expected<DiffuseReport> DiffuseBake::run(
     const std::function<Expected<void>(std::span<const float>)>& sink, Progress& progress) {
-    classify();
-    if (report_.traced_count > 0) choose_rays();
-    report_.ray_count = report_.traced_count * static_cast<std::uint64_t>(report_.rays_per_vertex);
+    count_copies();
+    if (job_.shadowed && choose_sample()) choose_rays();
+    report_.rays_per_vertex = set_.ray_count;
+    std::vector<std::uint64_t> histogram(static_cast<std::size_t>(set_.ray_count) + 1, 0);
 
     const std::size_t count = points_.size();
+    const auto is_copy = [&](std::size_t v) {
+        const std::uint32_t place = points_.representative(v);
+        return place != SurfacePoints::kNone && place != v;
+    };
     std::vector<std::uint32_t> last_copy(count, 0);  // of each representative
     for (std::uint32_t v = 0; v < count; ++v)
-        if (kinds_[v] == Kind::Merged) last_copy[points_.representative(v)] = v;
+        if (is_copy(v)) last_copy[points_.representative(v)] = v;
 
     // Half of the budget for the rows of one hand-over, the rest for rows that copies wait for.
     const std::size_t row_bytes = coeffs_ * sizeof(float);
-    const std::size_t hand_over = std::clamp(job_.memory_bytes / 2 / row_bytes, kBlock, kHandOver);
-    const std::size_t in_hand = std::min(hand_over, count) * row_bytes;
+    const std::size_t in_hand_bytes = row_bytes + sizeof(Traced);
+    const std::size_t hand_over =
+        std::clamp(job_.memory_bytes / 2 / in_hand_bytes, kBlock, kHandOver);
+    const std::size_t in_hand = std::min(hand_over, count) * in_hand_bytes;
     const std::size_t max_kept =
         (job_.memory_bytes - std::min(job_.memory_bytes, in_hand)) / (row_bytes + kKeptOverhead);
     std::vector<float> rows(std::min(hand_over, count) * coeffs_);
+    std::vector<Traced> traced(std::min(hand_over, count));
     std::unordered_map<std::uint32_t, std::vector<float>> kept;  // rows from before that are copied
     for (std::size_t begin = 0; begin < count; begin += hand_over) {
         const std::size_t size = std::min(hand_over, count - begin);
         // A copy of what is no longer in memory is baked again: the same bits, for more rays.
         const auto is_repeated = [&](std::size_t v) {
             const std::uint32_t place = points_.representative(v);
-            return kinds_[v] == Kind::Merged && place < begin && !kept.contains(place);
+            return is_copy(v) && place < begin && !kept.contains(place);
         };
         const auto row = [&](std::size_t v) {
             return std::span(rows).subspan((v - begin) * coeffs_, coeffs_);
@@ -239,32 +283,39 @@ Expected<DiffuseReport> DiffuseBake::run(
             const std::size_t first = begin + block * kBlock;
             const std::size_t end = std::min(first + kBlock, begin + size);
             for (std::size_t v = first; v < end; ++v) {
-                if (kinds_[v] == Kind::Unreferenced)
+                if (points_.representative(v) == SurfacePoints::kNone)
                     std::fill(row(v).begin(), row(v).end(), 0.0f);
-                else if (kinds_[v] != Kind::Merged || is_repeated(v))
-                    bake_row(points_.representative(v), row(v));
+                else if (!is_copy(v) || is_repeated(v))
+                    traced[v - begin] = bake_row(points_.representative(v), row(v));
             }
             progress.add(end - first);
         });
         for (std::size_t v = begin; v < begin + size; ++v) {
+            const Traced& t = traced[v - begin];
+            if (copies_[v] > 0) ++(t.rays > 0 ? report_.traced_count : report_.free_count);
+            if (copies_[v] > 0 && t.rays > 0) {
+                histogram[static_cast<std::size_t>(t.crossings)] += copies_[v];
+                report_.ray_count += static_cast<std::uint64_t>(t.rays);
+                report_.solved_count += t.solved;
+            }
             if (is_repeated(v)) {
-                if (kinds_[points_.representative(v)] == Kind::Traced)
-                    report_.repeated_ray_count +=
-                        static_cast<std::uint64_t>(report_.rays_per_vertex);
-            } else if (kinds_[v] == Kind::Merged) {
+                report_.repeated_ray_count += static_cast<std::uint64_t>(t.rays);
+            } else if (is_copy(v)) {
                 const std::uint32_t place = points_.representative(v);
                 const std::span<const float> source =
                     place >= begin ? row(place) : std::span<float>(kept.at(place));
                 std::copy(source.begin(), source.end(), row(v).begin());
                 if (place < begin && last_copy[place] == v) kept.erase(place);
-            } else if (kinds_[v] == Kind::Traced && last_copy[v] >= begin + size &&
-                       kept.size() < max_kept) {
+            } else if (t.rays > 0 && last_copy[v] >= begin + size && kept.size() < max_kept) {
                 kept.emplace(static_cast<std::uint32_t>(v),
                              std::vector<float>(row(v).begin(), row(v).end()));
             }
         }
         ENVBAKE_TRY_VOID(sink(std::span(rows).first(size * coeffs_)));
     }
+    const ErrorEstimate estimate = estimate_error(error_, histogram, count);
+    report_.error_rms = estimate.rms;
+    report_.error_p999 = estimate.p999;
     return report_;
 }
 
@@ -286,9 +337,9 @@ Expected<void> check(const DiffuseJob& job) {
 int expected_rays_per_vertex(const DiffuseJob& job) {
     if (job.rays_per_vertex > 0) return job.rays_per_vertex;
     // The Stanford bunny at 5 bands. More bands are more coefficients that carry the same error.
-    constexpr double kRays = 450, kTolerance = 1e-2, kBands = 5;
-    return scaled_rays(kRays,
-                       std::pow(kTolerance / job.tolerance * job.bands / kBands, kRayExponent));
+    constexpr double kRays = 400, kTolerance = 1e-2, kBands = 5;
+    const double error = job.tolerance / kTolerance * kBands / job.bands;
+    return scaled_rays(kRays, rays_for_variance(error * error));
 }
 
 void unoccluded_transport(int bands, const DVec3& n, std::span<double> out) {

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 namespace envbake {
 
@@ -48,9 +49,8 @@ struct Corner {
     /// An order of their own for sums: two that are equal here are equal in all that is summed.
     bool operator<(const Corner& o) const {
         const auto key = [](const Corner& c) {
-            return std::array{c.cross.x,      c.cross.y,       c.cross.z,
-                              c.bisector.x,   c.bisector.y,    c.bisector.z,
-                              c.longest_edge, c.opposite_edge, c.angle_rad};
+            return std::tie(c.cross.x, c.cross.y, c.cross.z, c.bisector.x, c.bisector.y,
+                            c.bisector.z, c.longest_edge, c.opposite_edge, c.angle_rad);
         };
         return key(*this) < key(o);
     }
@@ -141,7 +141,8 @@ RayOrigin SurfacePoints::origin(std::uint32_t representative, const TraceSpace& 
     const DVec3 p = mesh_.positions[representative];
     const DVec3 n = glm::normalize(DVec3(mesh_.normals[representative]));
 
-    std::vector<Corner> corners;
+    thread_local std::vector<Corner> corners;
+    corners.clear();
     for (const std::uint32_t i : triangles_at(representative))
         corners.push_back(corner_at(triangle_of(mesh_, i), p));
     std::sort(corners.begin(), corners.end());

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/transport/ray_set.h"
 
-#include "baker/math/morton.h"
-
 #include "envbake/runtime/sh.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <span>
 
 namespace envbake {
 
@@ -16,17 +15,47 @@ namespace {
 
 using std::numbers::pi;
 
-std::vector<DVec3> fibonacci_cosine_directions(int count) {
+constexpr int kPilotStride = 4;
+
+/// Number k of the spiral, 0 <= k < count.
+DVec3 fibonacci_cosine_direction(int k, int count) {
     const double golden_angle = pi * (3 - std::sqrt(5.0));
-    std::vector<DVec3> directions;
-    for (int k = 0; k < count; ++k) {
-        const double r2 = (k + 0.5) / count;
-        const double r = std::sqrt(r2), phi = golden_angle * k;
-        directions.emplace_back(r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - r2));
+    const double r2 = (k + 0.5) / count;
+    const double r = std::sqrt(r2), phi = golden_angle * k;
+    return {r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - r2)};
+}
+
+/// Halves the set across its longer side, in the plane of the disc, and the halves again: like a Z
+/// curve, but with equal counts and no strips. Cuts fall between packets of 16 while there are any,
+/// so that a packet is a patch. Against a Z curve: 3 to 4 % off the time of Embree.
+void sort_into_patches(std::span<DVec3> directions) {
+    const std::size_t count = directions.size();
+    if (count < 2) return;
+    DVec3 low = directions[0], high = directions[0];
+    for (const DVec3& d : directions) {
+        low = glm::min(low, d);
+        high = glm::max(high, d);
     }
-    std::sort(directions.begin(), directions.end(), [](const DVec3& a, const DVec3& b) {
-        return morton2((a.x + 1) / 2, (a.y + 1) / 2) < morton2((b.x + 1) / 2, (b.y + 1) / 2);
-    });
+    const int axis = high.x - low.x >= high.y - low.y ? 0 : 1;
+    const std::size_t half = count > 16 ? count / 32 * 16 : count / 2;
+    std::nth_element(directions.begin(), directions.begin() + static_cast<std::ptrdiff_t>(half),
+                     directions.end(),
+                     [axis](const DVec3& a, const DVec3& b) { return a[axis] < b[axis]; });
+    sort_into_patches(directions.first(half));
+    sort_into_patches(directions.subspan(half));
+}
+
+std::vector<DVec3> ordered_directions(int count, int pilot_count) {
+    std::vector<DVec3> directions;
+    if (pilot_count > 0)
+        for (int k = 0; k < count; k += kPilotStride)
+            directions.push_back(fibonacci_cosine_direction(k, count));
+    for (int k = 0; k < count; ++k)
+        if (pilot_count == 0 || k % kPilotStride != 0)
+            directions.push_back(fibonacci_cosine_direction(k, count));
+    const auto pilot = static_cast<std::size_t>(pilot_count);
+    sort_into_patches(std::span(directions).first(pilot));
+    sort_into_patches(std::span(directions).subspan(pilot));
     return directions;
 }
 
@@ -99,18 +128,16 @@ std::vector<double> exact_weights(const std::vector<DVec3>& directions, int band
     return weights;
 }
 
-int round_up_to_packets(double count) {
-    return std::max(1, static_cast<int>(std::ceil(count / 16))) * 16;
-}
-
 }  // namespace
 
-RaySet make_ray_set(int ray_count, int bands) {
+RaySet make_ray_set(int ray_count, int bands, bool with_pilot) {
+    const int multiple = with_pilot ? 16 * kPilotStride : 16;
     double wanted = ray_count;
     for (;; wanted *= 1.25) {
-        const int count = round_up_to_packets(wanted);
+        const int count = std::max(1, static_cast<int>(std::ceil(wanted / multiple))) * multiple;
         if (count < sh::coeff_count(bands)) continue;
-        const std::vector<DVec3> directions = fibonacci_cosine_directions(count);
+        const int pilot_count = with_pilot ? count / kPilotStride : 0;
+        const std::vector<DVec3> directions = ordered_directions(count, pilot_count);
         const std::vector<double> weights = exact_weights(directions, bands);
         const double smallest = *std::min_element(weights.begin(), weights.end());
         if (!(smallest >= 0)) continue;
@@ -118,6 +145,7 @@ RaySet make_ray_set(int ray_count, int bands) {
         RaySet set;
         set.bands = bands;
         set.ray_count = count;
+        set.pilot_packets = static_cast<std::size_t>(pilot_count / 16);
         set.smallest_relative_weight = smallest * count;
         set.directions.resize(directions.size() / 16);
         set.weights.resize(directions.size() / 16);

@@ -74,30 +74,43 @@ constexpr auto kProject = projections(std::make_integer_sequence<int, sh::kMaxBu
 
 }  // namespace
 
-int visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigin& origin,
-                      double turn_rad, std::span<float> row) {
+Traced visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigin& origin,
+                         double turn_rad, std::span<float> row, Stop stop) {
     const Frame frame = turned(frame_about(origin.normal), turn_rad);
     thread_local std::vector<std::uint16_t> masks;
     masks.resize(set.directions.size());
-    int blocked = 0;
-    for (std::size_t p = 0; p < masks.size(); ++p) {
-        const WorldDirections w = to_world(set.directions[p], frame);
-        DirectionPacket world;
-        store(w.x, world.x.data());
-        store(w.y, world.y.data());
-        store(w.z, world.z.data());
-        masks[p] = static_cast<std::uint16_t>(tracer.occluded16(origin.position, world));
-        blocked += std::popcount(masks[p]);
-    }
+    Traced traced;
+    const auto trace = [&](std::size_t begin, std::size_t end) {
+        unsigned before = 0;  // the last ray of the packet before
+        for (std::size_t p = begin; p < end; ++p) {
+            const WorldDirections w = to_world(set.directions[p], frame);
+            DirectionPacket world;
+            store(w.x, world.x.data());
+            store(w.y, world.y.data());
+            store(w.z, world.z.data());
+            const std::uint32_t mask = tracer.occluded16(origin.position, world);
+            masks[p] = static_cast<std::uint16_t>(mask);
+            if (p == begin) before = mask & 1;
+            traced.crossings += std::popcount((mask ^ (mask << 1 | before)) & 0xffff);
+            before = mask >> 15;
+            traced.blocked += std::popcount(mask);
+            traced.rays += 16;
+        }
+    };
+    trace(0, set.pilot_packets);
+    traced.solved = stop == Stop::WhereSolved && traced.rays > 0 &&
+                    (traced.blocked == 0 || traced.blocked == traced.rays);
+    if (!traced.solved) trace(set.pilot_packets, set.directions.size());
 
     std::array<double, sh::coeff_count(sh::kMaxBundleBands)> base{}, sum;
-    const bool sum_blocked = 2 * blocked <= set.ray_count;
+    const bool sum_blocked = 2 * traced.blocked <= traced.rays;
     if (sum_blocked) unoccluded_transport(set.bands, origin.normal, base);
     kProject[static_cast<std::size_t>(set.bands - 1)](
-        set, frame, masks, static_cast<std::uint16_t>(sum_blocked ? 0 : 0xffff), sum.data());
+        set, frame, std::span(masks).first(static_cast<std::size_t>(traced.rays / 16)),
+        static_cast<std::uint16_t>(sum_blocked ? 0 : 0xffff), sum.data());
     for (std::size_t i = 0; i < row.size(); ++i)
         row[i] = static_cast<float>(sum_blocked ? base[i] - sum[i] : sum[i]);
-    return blocked;
+    return traced;
 }
 
 }  // namespace envbake

@@ -9,16 +9,26 @@
 
 namespace envbake {
 
+/// What the rays of one place met.
+struct Traced {
+    int rays = 0;         ///< traced
+    int blocked = 0;      ///< of those
+    int crossings = 0;    ///< next to each other in the set's order, one blocked, one open
+    bool solved = false;  ///< stopped after the pilot
+};
+
+enum class Stop { WhereSolved, Never };
+
 /// Transport of one place by tracing one ray set: T_unoccluded less the blocked rays or the sum of
 /// the open ones, whichever are fewer. No ray blocked: exactly T_unoccluded. All blocked: exactly
-/// 0.
+/// 0. Where the set has a pilot and all of it is open, or all blocked, that is taken as the answer
+/// and the rest is not traced.
 ///
 ///   turn_rad  the set is turned about the normal by this angle
 ///   row       [set.bands^2]
-///   return    how many rays were blocked
 ///
 /// Threads: pure. Sums are of at most ray_count / 16 floats, then of 16 doubles.
-int visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigin& origin,
-                      double turn_rad, std::span<float> row);
+Traced visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigin& origin,
+                         double turn_rad, std::span<float> row, Stop stop = Stop::WhereSolved);
 
 }  // namespace envbake

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Draws error against CPU time from the CSV of error_against_time: one SVG a stage.
+"""Draws error against CPU time from the CSV of error_against_time or transport_against_time: one
+SVG a stage.
 
     plot.py MEASURED.csv FOLDER
 
@@ -20,17 +21,22 @@ COLOURS = {
     "importance sampling": "#c9622b",
     "filtered importance sampling": "#3f74c6",
     "texel centres": "#c9622b",
+    "independent rays": "#c9622b",
+    "jittered grid": "#3f74c6",
 }
 TITLES = {
     "mips": "Prefiltered mips, GGX, r = 1/4 1/2 3/4 1 on faces of 128 64 32 16",
     "brdf": "BRDF table",
     "sh": "SH projection, 5 bands",
+    "transport": "Diffuse transport of a whole scene, 5 bands",
 }
 SETTINGS = {
     "envbake": "envbake (tolerance, or one setting)",
     "importance sampling": "importance sampling (64 .. 4096 samples)",
     "filtered importance sampling": "filtered importance sampling (64 .. 4096)",
     "texel centres": "texel centres (32 .. 512 rows)",
+    "independent rays": "independent rays (256 .. 16,384 over the sphere)",
+    "jittered grid": "jittered grid (256 .. 16,384 cells)",
 }
 
 

@@ -50,8 +50,12 @@ Baked bake(const Scene& scene, const DiffuseJob& job = {}, std::size_t mesh = 0)
     EXPECT_EQ(progress.done(), scene.meshes[mesh].vertex_count());
     EXPECT_EQ(report->vertex_count, report->unreferenced_count + report->merged_count +
                                         report->free_count + report->traced_count);
-    EXPECT_EQ(report->ray_count,
-              report->traced_count * static_cast<std::uint64_t>(report->rays_per_vertex));
+    const auto all = static_cast<std::uint64_t>(report->rays_per_vertex);
+    EXPECT_EQ(report->ray_count, (report->traced_count - report->solved_count) * all +
+                                     report->solved_count * (all / 4));
+    if (job.rays_per_vertex > 0) {
+        EXPECT_EQ(report->solved_count, 0u);
+    }
     for (const float t : baked.rows) EXPECT_TRUE(std::isfinite(t));
     return baked;
 }
@@ -196,10 +200,10 @@ TEST(Diffuse, SizeAndPlaceDoNotMatter) {
     }
     // Others round the vertices, and another position means another turn of the rays: two
     // independent errors, no more.
-    const Baked finely = bake(home, {.rays_per_vertex = 4096});
+    const Baked finely = bake(home, {.rays_per_vertex = 8192});
     const auto far_from_home = [&](float scale, const Vec3& offset) {
         const Scene scene = test::scene_of({test::moved(home.meshes[0], scale, offset)});
-        const Baked moved = bake(scene, {.rays_per_vertex = 4096});
+        const Baked moved = bake(scene, {.rays_per_vertex = 8192});
         double sum = 0;
         for (std::size_t v = 0; v < home.meshes[0].vertex_count(); ++v)
             sum += std::pow(relative_distance(moved.row(v), finely.row(v)), 2);
@@ -238,14 +242,58 @@ TEST(Diffuse, TheOrderOfTheInputOnlyMovesRows) {
         for (std::size_t corner = 0; corner < 3; ++corner)
             shuffled.triangles[3 * i + corner] = indices[3 * triangles[i] + (corner + i) % 3];
     const Mesh other = test::quad({-3, -3, 4}, {1, 0, 0}, {0, 1, 0});
-    const Baked before = bake(test::scene_of({mesh, other}), {.rays_per_vertex = 448});
-    const Baked after = bake(test::scene_of({other, shuffled}), {.rays_per_vertex = 448}, 1);
-    EXPECT_EQ(before.report.free_count, after.report.free_count);
-    EXPECT_GT(before.report.traced_count, 300u);
-    for (std::size_t v = 0; v < order.size(); ++v)
-        ASSERT_TRUE(
-            std::equal(after.row(v).begin(), after.row(v).end(), before.row(order[v]).begin()))
-            << v;
+    for (const int rays : {0, 1024}) {
+        const Baked before = bake(test::scene_of({mesh, other}), {.rays_per_vertex = rays});
+        const Baked after = bake(test::scene_of({other, shuffled}), {.rays_per_vertex = rays}, 1);
+        EXPECT_EQ(before.report.free_count, after.report.free_count);
+        EXPECT_EQ(before.report.ray_count, after.report.ray_count);
+        EXPECT_EQ(before.report.error_rms, after.report.error_rms);
+        EXPECT_EQ(before.report.error_p999, after.report.error_p999);
+        EXPECT_GT(before.report.traced_count, 300u);
+        for (std::size_t v = 0; v < order.size(); ++v)
+            ASSERT_TRUE(
+                std::equal(after.row(v).begin(), after.row(v).end(), before.row(order[v]).begin()))
+                << v;
+    }
+}
+
+/// Most of a cellar's vertices see nothing but its walls, the few under the hatch some sky. Those
+/// that are stopped must be exactly black, and the others must be what they are without a stop.
+TEST(Diffuse, StopsWhereAPilotSolvesTheVertexAndNowhereElse) {
+    Mesh mesh = test::grid({-5, -5, 0}, {10, 0, 0}, {0, 10, 0}, 30);  // the floor
+    const std::size_t floor_count = mesh.vertex_count();
+    test::append(mesh, test::grid({-5, -5, 2}, {0, 10, 0}, {9.5f, 0, 0}, 8));  // a hatch at x > 4.5
+    test::append(mesh, test::quad({-5, -5, 0}, {0, 10, 0}, {0, 0, 2}));
+    test::append(mesh, test::quad({5, -5, 0}, {0, 0, 2}, {0, 10, 0}));
+    test::append(mesh, test::quad({-5, -5, 0}, {0, 0, 2}, {10, 0, 0}));
+    test::append(mesh, test::quad({-5, 5, 0}, {10, 0, 0}, {0, 0, 2}));
+    const Scene scene = test::scene_of({mesh});
+    const Baked baked = bake(scene, {.tolerance = 5e-3});
+    const Baked whole =
+        bake(scene, {.tolerance = 5e-3, .rays_per_vertex = baked.report.rays_per_vertex});
+    ASSERT_EQ(whole.report.rays_per_vertex, baked.report.rays_per_vertex);
+    {
+        const ThreadLimit limit(1);
+        EXPECT_EQ(bake(scene, {.tolerance = 5e-3}).rows, baked.rows);
+    }
+    EXPECT_GT(baked.report.solved_count, floor_count / 4);
+    EXPECT_LT(baked.report.solved_count, floor_count);
+    EXPECT_GT(baked.report.error_rms, 0);
+    std::size_t different = 0;
+    double sum = 0;
+    for (std::size_t v = 0; v < mesh.vertex_count(); ++v) {
+        const double change = relative_distance(baked.row(v), whole.row(v));
+        if (change < 1e-6) continue;  // the same rays in another order
+        ++different;
+        sum += change * change / double(mesh.vertex_count());
+        const auto exact = analytic(mesh.normals[v]);
+        const bool open = std::equal(exact.begin(), exact.end(), baked.row(v).begin());
+        EXPECT_TRUE(open || norm(baked.row(v)) == 0) << v;
+    }
+    EXPECT_LE(different, baked.report.solved_count);
+    EXPECT_LT(std::sqrt(sum), baked.report.error_rms);
+    // Without many solved vertices there is no pilot.
+    EXPECT_EQ(bake(test::scene_of({test::bowl(8, 24)})).report.solved_count, 0u);
 }
 
 TEST(Diffuse, CopiesAreBakedOnceAndUnseenVerticesNotAtAll) {
@@ -387,9 +435,9 @@ TEST(Diffuse, MeetsTheToleranceAndDoesNotFlatter) {
             const double rms = std::sqrt(sum / double(errors.size()));
             std::sort(errors.begin(), errors.end());
             const double p999 = errors[static_cast<std::size_t>(0.999 * double(errors.size()))];
-            EXPECT_LT(rms, 1.1 * tolerance) << bands << " bands";
+            EXPECT_LT(rms, tolerance) << bands << " bands";
             EXPECT_GT(baked.report.error_rms, rms / 1.1) << bands << " bands, " << tolerance;
-            EXPECT_LT(baked.report.error_rms, 2 * rms) << bands << " bands, " << tolerance;
+            EXPECT_LT(baked.report.error_rms, 1.5 * rms) << bands << " bands, " << tolerance;
             EXPECT_GT(baked.report.error_p999, p999 / 1.3) << bands << " bands, " << tolerance;
         }
     }

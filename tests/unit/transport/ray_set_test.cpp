@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <vector>
@@ -67,6 +68,43 @@ INSTANTIATE_TEST_SUITE_P(Sizes, RaySets,
 TEST(RaySet, WeightsStayNearEqual) {
     EXPECT_GT(make_ray_set(256, 5).smallest_relative_weight, 0.6);
     EXPECT_GT(make_ray_set(1600, 5).smallest_relative_weight, 0.85);
+}
+
+/// The same rays with the same weights, and a quarter of them first that covers the hemisphere: no
+/// disc of a sixteenth of its area may lie between them.
+TEST(RaySet, APilotIsAQuarterOfTheSetAndSeesAllOfTheHemisphere) {
+    for (const int rays : {192, 448, 1600}) {
+        const RaySet set = make_ray_set(rays, 5, true);
+        ASSERT_EQ(set.pilot_packets * 4, set.directions.size());
+        const RaySet plain = make_ray_set(set.ray_count, 5);
+        ASSERT_EQ(plain.ray_count, set.ray_count);
+        const auto listed = [](const RaySet& s) {
+            std::vector<std::array<float, 4>> list;
+            for (std::size_t k = 0; k < 16 * s.directions.size(); ++k) {
+                const DirectionPacket& d = s.directions[k / 16];
+                list.push_back({d.x[k % 16], d.y[k % 16], d.z[k % 16], s.weights[k / 16][k % 16]});
+            }
+            std::sort(list.begin(), list.end());
+            return list;
+        };
+        const auto expected = listed(plain), got = listed(set);
+        for (std::size_t k = 0; k < got.size(); ++k)
+            for (std::size_t i = 0; i < 4; ++i) ASSERT_NEAR(got[k][i], expected[k][i], 1e-7);
+        double widest = 0;
+        for (int i = 0; i < 2000; ++i) {
+            const double r = std::sqrt((i + 0.5) / 2000), phi = i * 2.399963;
+            double nearest = 2;
+            for (std::size_t k = 0; k < 16 * set.pilot_packets; ++k)
+                nearest = std::min(
+                    nearest, std::hypot(set.directions[k / 16].x[k % 16] - r * std::cos(phi),
+                                        set.directions[k / 16].y[k % 16] - r * std::sin(phi)));
+            widest = std::max(widest, nearest);
+        }
+        EXPECT_LT(widest, std::sqrt(1.0 / 16)) << rays;
+        if (rays == 1600) {
+            EXPECT_LT(widest, std::sqrt(1.0 / 100));
+        }
+    }
 }
 
 /// A packet must be a patch, or its rays share nothing in the tree.

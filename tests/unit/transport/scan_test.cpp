@@ -35,8 +35,8 @@ TEST(Scan, TheReportedErrorIsTheTrueOne) {
     ASSERT_TRUE(report) << report.error();
     EXPECT_EQ(count_free_vertices(*scene)[0], report->free_count);
     EXPECT_GT(report->free_count, 500u);
-    EXPECT_LT(report->rays_per_vertex, 250);
-    EXPECT_LT(double(report->check_ray_count), 0.12 * double(report->ray_count));
+    EXPECT_LT(report->rays_per_vertex, 150);
+    EXPECT_LT(double(report->check_ray_count), 0.05 * double(report->ray_count));
 
     const SurfacePoints points(scene->meshes[0]);
     const RaySet set = make_ray_set(4096, 5);
