@@ -47,7 +47,7 @@ lighting::PrefilterAccuracy accuracy_for(double tolerance, bool certify) {
     return {.cluster = cluster,
             .horizon = 4 * cluster,
             .extent2 = std::clamp(extent2, 0.03, 0.5),
-            .interpolation = 1e-3 * std::min(relative < 1 ? relative * relative : relative, 5.0),
+            .interpolation = 5e-4 * std::min(relative < 1 ? relative * relative : relative, 10.0),
             .negligible = (certify ? 1e-7 : 1e-6) * relative,
             .proved = certify ? tolerance : 0};
 }

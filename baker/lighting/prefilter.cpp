@@ -40,7 +40,7 @@ Tiling tiling_for(double core, int size, const PrefilterAccuracy& accuracy) {
     const double texel = std::numbers::pi / 2 / size;
     // What 8 points miss falls with the eighth power of the tile's width.
     const double widest =
-        1.6 * core * std::pow(std::min(1.0, accuracy.interpolation / 1e-3), 0.125);
+        1.6 * core * std::pow(std::min(1.0, accuracy.interpolation / 5e-4), 0.125);
     if (accuracy.proved > 0) return {Method::Sharp, kSharpTile};
     if (core < 0.8 && size >= 2 * kInterpolatedTile && kInterpolatedTile * texel <= widest) {
         return {Method::Interpolated, kInterpolatedTile};

@@ -16,7 +16,7 @@ struct PrefilterAccuracy {
     double cluster = 3e-5;        ///< largest error from the curvature of the weight
     double horizon = 2e-4;        ///< largest error of a source that the horizon cuts
     double extent2 = 0.2;         ///< largest (extent / l)^2, l the lobe's scale there
-    double interpolation = 1e-3;  ///< largest error of interpolation within a tile
+    double interpolation = 5e-4;  ///< largest error of interpolation within a tile
     double negligible = 1e-6;     ///< largest source left out, where the lobe's tail ends
     /// 0: estimates decide. Otherwise bounds do, so that their sum stays below this, relative to
     /// every texel; nothing is interpolated, and sums are in double.

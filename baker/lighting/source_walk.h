@@ -445,8 +445,8 @@ class SourceWalk {
                 const S coarse = std::max(kinked / 4, share * missed.coarse);
                 const S fine = std::max(kinked / 8, share * missed.fine);
                 const S most = S(accuracy_.interpolation);
-                // The far sources, which are the most: 0.02 of what is allowed one that is near.
-                if (coarse <= S(0.02) * most) {
+                // The far sources, which are the most: 0.04 of what is allowed one that is near.
+                if (coarse <= S(0.04) * most) {
                     e.places = Places::CoarseNodes;
                     e.interpolation = coarse;
                 } else if (fine <= most) {
