@@ -171,11 +171,11 @@ struct BeckmannWeight {
     S density_at_horizon() const { return 4 * std::exp(-inverse_A); }
     double core() const { return 2 * static_cast<double>(alpha); }
 
-    static constexpr double kFrontExtent2 = 2.2;
+    static constexpr double kFrontExtent2 = 4;
     static constexpr double kCurvature = 0.03;
-    static constexpr double kCore = 0.0025;
+    static constexpr double kCore = 0.015;
     static constexpr double kPartBound = 0.05, kCutBound = 0.08;
-    static constexpr float kCoreSum = 0.12f, kCurvatureSum = 0.7f, kMissedSum = 0.02f;
+    static constexpr float kCoreSum = 0.02f, kCurvatureSum = 0.7f, kMissedSum = 0.02f;
     static constexpr bool kTailEnds = true;
     /// A Gaussian of width sqrt(2) alpha is missed by some (half_width / width)^n.
     Missed<S> missed(const WeightNearby<S>& near, S half_width) const {

@@ -41,12 +41,10 @@ double alpha_of(float perceptual_roughness) {
 /// a map is made against the method (a texel of 120 degrees beside one a thousand times darker).
 lighting::PrefilterAccuracy accuracy_for(double tolerance, bool certify) {
     const double relative = std::clamp(tolerance, 1e-5, 0.3) / 1e-3;
-    // Energy is kept to 1e-5 with blocks of 0.1; to a coarse tolerance not even that is asked.
-    const double extent2 = std::min(std::cbrt(6 * tolerance), std::max(0.1, std::cbrt(tolerance)));
     const double cluster = 3e-5 * (relative < 1 ? relative * std::sqrt(relative) : relative);
     return {.cluster = cluster,
             .horizon = 4 * cluster,
-            .extent2 = std::clamp(extent2, 0.03, 0.5),
+            .extent2 = std::clamp(std::cbrt(6 * tolerance), 0.03, 0.5),
             .interpolation = 5e-4 * std::min(relative < 1 ? relative * relative : relative, 10.0),
             .negligible = (certify ? 1e-7 : 1e-6) * relative,
             .proved = certify ? tolerance : 0};

@@ -75,9 +75,7 @@ class SourceWalk {
           weight_(weight),
           inverse_axis_(1 / weight_.nearby(S(0)).envelope),
           inverse_core2_(weight_.nearby(S(0)).inverse_length2),
-          // The few and large blocks under a wide tail err alike, and are cheap to halve.
-          most_core_(static_cast<S>(std::pow(
-              accuracy.extent2 * (!Lobe<S>::kTailEnds && weight.core() > 0.3 ? 0.6 : 1), 3))),
+          most_core_(static_cast<S>(std::pow(largest_extent2(weight, accuracy), 3))),
           channels_(channels),
           accuracy_(accuracy) {}
 
@@ -220,6 +218,15 @@ class SourceWalk {
     static constexpr std::size_t kOpenedNodes = 400;  ///< 0.2 MB
     static constexpr S kFrontCore =
         S(Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2 * Lobe<S>::kFrontExtent2);
+
+    /// Under the tail of GGX a tile's blocks err alike, the largest ones of wide lobes most. Down
+    /// to this size they are halved for the energy of the mip, to 1e-5 of it at a tolerance of
+    /// 1e-3.
+    static double largest_extent2(const Lobe<S>& weight, const PrefilterAccuracy& accuracy) {
+        if (!kDisc || Lobe<S>::kTailEnds) return accuracy.extent2;
+        const double enough = weight.core() > 0.3 ? 0.06 : 0.1;
+        return std::min(accuracy.extent2, enough * std::max(1.0, 5.5 * accuracy.extent2));
+    }
 
     struct Visit {
         OpenedBlock* in;  ///< null: a node of the tree
