@@ -9,7 +9,7 @@ packages=(
     cmake g++ git ninja-build pkg-config
     libopenimageio-dev libopenexr-dev libembree-dev libtbb-dev libglm-dev libtinygltf-dev
     libdraco-dev libmeshoptimizer-dev libcli11-dev nlohmann-json3-dev libzstd-dev libxxhash-dev
-    libgtest-dev libbenchmark-dev
+    libgtest-dev libbenchmark-dev python3-numpy
 )
 if [[ "${1:-}" == --clang ]]; then
     packages+=(clang-14 clang-format-14 libclang-rt-14-dev)
