@@ -11,6 +11,7 @@
 #include "baker/pipeline/metadata.h"
 #include "baker/render/camera.h"
 #include "baker/render/compare.h"
+#include "baker/render/light_turn.h"
 #include "baker/render/preview.h"
 #include "baker/render/reference.h"
 #include "baker/render/tone_map.h"
@@ -21,6 +22,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <ostream>
 #include <string>
@@ -40,6 +42,8 @@ struct RenderOptions {
     std::vector<int> size{1280, 720};
     int sights_per_axis = 3;
     bool white = false;
+    double rotate_light_deg = 0;
+    int turntable = 0;  ///< pictures; 0: one, of the scene as it is
     std::optional<double> exposure;
     bool reference = false;
     int reference_samples = 256;
@@ -78,8 +82,20 @@ Expected<void> write_difference(const fs::path& file, const Picture& a, const Pi
     return write_picture(file, difference, 1);
 }
 
+/// scene.png -> scene.0007.png
+fs::path numbered(const fs::path& image, int k) {
+    const std::string digits = std::to_string(k);
+    return beside(image,
+                  (std::string(4 - std::min<std::size_t>(4, digits.size()), '0') + digits).c_str());
+}
+
 /// The pictures that the command writes.
 std::vector<fs::path> outputs_of(const RenderOptions& options) {
+    if (options.turntable > 0) {
+        std::vector<fs::path> outputs;
+        for (int k = 0; k < options.turntable; ++k) outputs.push_back(numbered(options.output, k));
+        return outputs;
+    }
     if (!options.reference) return {options.output};
     return {options.output, beside(options.output, "reference"),
             beside(options.output, "difference")};
@@ -121,6 +137,7 @@ Expected<void> check_options(const RenderOptions& options) {
     ENVBAKE_TRY_VOID(require_point("--look-at", options.look_at));
     ENVBAKE_TRY_VOID(require_in_range("--fov", options.fov_deg, kMinFov, kMaxFov));
     ENVBAKE_TRY_VOID(require_in_range("--exposure", options.exposure, -kMaxStops, kMaxStops));
+    ENVBAKE_TRY_VOID(require_in_range("--rotate-light", options.rotate_light_deg, -360, 360));
     return check_outputs(options, {options.bundle, options.scene, options.environment});
 }
 
@@ -216,12 +233,35 @@ void print_comparison(const char* with, const Picture& picture, const Picture& r
         << percent(noise) << ", " << format_count(c.pixel_count) << " pixels\n";
 }
 
-std::vector<Vec3> lighting_of(const runtime::Bundle& bundle) {
+std::vector<Vec3> lighting_of(const runtime::Bundle& bundle, const LightTurn& turn) {
     std::vector<Vec3> coeffs;
-    const auto values = bundle.lighting().coeffs;
+    const std::vector<float> values = turn.turned(bundle.lighting());
     for (std::size_t i = 0; i + 2 < values.size(); i += 3)
         coeffs.emplace_back(values[i], values[i + 1], values[i + 2]);
     return coeffs;
+}
+
+/// The scene turns counter-clockwise seen from above, once, about the upright through the point
+/// that the camera looks at; light and camera stay. To the scene it is they that turn, clockwise.
+Expected<void> render_turntable(const RenderOptions& options, const Scene& scene,
+                                const Tracer& tracer, const runtime::Bundle& bundle,
+                                const Camera& camera, const PreviewOptions& preview_options,
+                                Progress& progress) {
+    std::optional<double> exposure;
+    if (options.exposure) exposure = std::exp2(*options.exposure);
+    for (int k = 0; k < options.turntable; ++k) {
+        const double angle = 2 * std::numbers::pi * k / options.turntable;
+        Camera orbiting = camera;
+        orbiting.position =
+            camera.target + LightTurn(-angle).turned(camera.position - camera.target);
+        PreviewOptions turned = preview_options;
+        turned.light_turn = LightTurn(preview_options.light_turn.radians() - angle);
+        ENVBAKE_TRY(const Picture picture,
+                    render_preview(scene, tracer, bundle, orbiting, turned, progress));
+        if (!exposure) exposure = auto_exposure(picture);  // the same for all: no flicker
+        ENVBAKE_TRY_VOID(write_picture(numbered(options.output, k), picture, *exposure));
+    }
+    return {};
 }
 
 Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostream& err) {
@@ -254,19 +294,25 @@ Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostr
     }
     ENVBAKE_TRY(const Tracer tracer, Tracer::build(scene));
     ENVBAKE_TRY(const Camera camera, make_camera(options, scene, tracer));
+    constexpr double kDegree = std::numbers::pi / 180;
+    const LightTurn turn(options.rotate_light_deg * kDegree);
     const PreviewOptions preview_options{.sights_per_axis = options.sights_per_axis,
-                                         .white_lambert = options.white};
+                                         .white_lambert = options.white,
+                                         .light_turn = turn};
+    if (options.turntable > 0)
+        return render_turntable(options, scene, tracer, *bundle, camera, preview_options, progress);
     ENVBAKE_TRY(const Picture picture,
                 render_preview(scene, tracer, *bundle, camera, preview_options, progress));
     const double exposure =
         options.exposure ? std::exp2(*options.exposure) : auto_exposure(picture);
     if (!environment) return write_picture(options.output, picture, exposure);
 
-    const std::vector<Vec3> lighting = lighting_of(*bundle);
+    const std::vector<Vec3> lighting = lighting_of(*bundle, turn);
     ReferenceOptions reference_options;
     reference_options.samples_per_pixel = options.reference_samples;
     reference_options.sights_per_axis = options.sights_per_axis;
     reference_options.white_lambert = options.white;
+    reference_options.light_turn = turn;
     if (options.white) reference_options.truncated_light = lighting;
     const Reference reference =
         render_reference(scene, tracer, *environment, camera, reference_options, progress);
@@ -312,13 +358,22 @@ RunCommand declare_render(CLI::App& app) {
         ->check(CLI::Range(1, 16));
     app.add_option("--exposure", options->exposure,
                    "Exposure of the .png in stops, -100 to 100; default: by the picture");
+    app.add_option("--rotate-light", options->rotate_light_deg,
+                   "Turn the light about +Y by -360 to 360 degrees, counter-clockwise from above")
+        ->capture_default_str();
+    CLI::Option* turntable =
+        app.add_option("--turntable", options->turntable,
+                       "Write N pictures, IMAGE.0000 and on: the scene turns once before the "
+                       "camera, the light stays")
+            ->check(CLI::Range(1, 9999));
     app.add_flag("--white", options->white,
                  "White paper in place of every material: the diffuse part alone");
     app.add_option("--env", options->environment,
                    "The environment it was baked from; for --reference");
     app.add_flag(
-        "--reference", options->reference,
-        "Also trace the truth: writes IMAGE.reference and IMAGE.difference, prints the error");
+           "--reference", options->reference,
+           "Also trace the truth: writes IMAGE.reference and IMAGE.difference, prints the error")
+        ->excludes(turntable);
     app.add_option("--reference-samples", options->reference_samples, "Light samples a pixel")
         ->capture_default_str()
         ->check(CLI::Range(2, 1 << 20));

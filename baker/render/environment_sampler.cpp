@@ -25,7 +25,8 @@ double lerp(double a, double b, double t) {
 
 }  // namespace
 
-EnvironmentSampler::EnvironmentSampler(const Environment& environment) : environment_(environment) {
+EnvironmentSampler::EnvironmentSampler(const Environment& environment, const LightTurn& turn)
+    : environment_(environment), turn_(turn) {
     if (const auto* lat_long = std::get_if<LatLongGrid>(&environment.grid)) {
         rows_ = static_cast<std::size_t>(lat_long->height);
         columns_ = static_cast<std::size_t>(lat_long->width);
@@ -126,12 +127,14 @@ EnvironmentSampler::Light EnvironmentSampler::sample(double u0, double u1) const
     }
     light.radiance = environment_.radiance[row * columns_ + column];
     light.pdf = pdf({row, column}, light.direction);
+    light.direction = turn_.turned(light.direction);
     return light;
 }
 
 EnvironmentSampler::Light EnvironmentSampler::towards(const DVec3& w) const {
-    const Texel texel = texel_of(w);
-    return {w, environment_.radiance[texel.row * columns_ + texel.column], pdf(texel, w)};
+    const DVec3 baked = turn_.back(w);
+    const Texel texel = texel_of(baked);
+    return {w, environment_.radiance[texel.row * columns_ + texel.column], pdf(texel, baked)};
 }
 
 }  // namespace envbake

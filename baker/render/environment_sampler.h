@@ -3,6 +3,7 @@
 
 #include "baker/input/environment.h"
 #include "baker/math/vector.h"
+#include "baker/render/light_turn.h"
 
 #include <cstddef>
 #include <vector>
@@ -15,7 +16,7 @@ namespace envbake {
 /// Keeps a reference to the environment. Threads: const members may be called from any.
 class EnvironmentSampler {
   public:
-    explicit EnvironmentSampler(const Environment& environment);
+    explicit EnvironmentSampler(const Environment& environment, const LightTurn& turn = {});
 
     struct Light {
         DVec3 direction{0};  ///< unit
@@ -37,6 +38,7 @@ class EnvironmentSampler {
     double pdf(const Texel& texel, const DVec3& w) const;
 
     const Environment& environment_;
+    LightTurn turn_;
     std::size_t rows_ = 0, columns_ = 0;
     std::vector<double> row_cdf_;     ///< rows + 1, up to total_
     std::vector<double> column_cdf_;  ///< rows * (columns + 1), each up to its row's weight

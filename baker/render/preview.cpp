@@ -9,6 +9,7 @@
 #include <array>
 #include <cstddef>
 #include <numbers>
+#include <span>
 #include <vector>
 
 namespace envbake {
@@ -64,18 +65,30 @@ std::vector<Vec3> vertex_light(const Mesh& mesh, const runtime::TransportView& t
     return light;
 }
 
-/// What the extracted lights add to a surface point.
-Vec3 light_reflected(const runtime::Bundle& bundle, const Tracer& tracer, const SurfacePoint& point,
-                     const SurfaceMaterial& material) {
+/// The lights that the environment was extracted of, where they shine now.
+std::vector<runtime::DominantLight> extracted_lights(const runtime::Bundle& bundle,
+                                                     const LightTurn& turn) {
+    if (!bundle.lights_extracted()) return {};
+    std::vector<runtime::DominantLight> lights(bundle.lights().begin(), bundle.lights().end());
+    for (runtime::DominantLight& light : lights) {
+        light.direction = to_runtime(
+            turn.turned(DVec3(light.direction[0], light.direction[1], light.direction[2])));
+    }
+    return lights;
+}
+
+/// What lights add to a surface point.
+Vec3 light_reflected(std::span<const runtime::DominantLight> lights,
+                     runtime::Distribution distribution, const Tracer& tracer,
+                     const SurfacePoint& point, const SurfaceMaterial& material) {
     Vec3 sum(0);
-    if (!bundle.lights_extracted()) return sum;
     const Vec3 albedo = material.diffuse_albedo();
     const runtime::Surface surface{.normal = to_runtime(point.normal),
                                    .albedo = {albedo.x, albedo.y, albedo.z},
                                    .r0 = {material.r0.x, material.r0.y, material.r0.z},
                                    .perceptual_roughness = material.perceptual_roughness,
-                                   .distribution = bundle.distribution()};
-    for (const runtime::DominantLight& light : bundle.lights()) {
+                                   .distribution = distribution};
+    for (const runtime::DominantLight& light : lights) {
         const DVec3 towards(light.direction[0], light.direction[1], light.direction[2]);
         if (tracer.occluded(point.light_origin, towards)) continue;
         sum += from_runtime(runtime::reflect_light(light, surface, to_runtime(point.to_viewer)));
@@ -83,11 +96,10 @@ Vec3 light_reflected(const runtime::Bundle& bundle, const Tracer& tracer, const 
     return sum;
 }
 
-/// Radiance of the extracted lights themselves.
-Vec3 lights_towards(const runtime::Bundle& bundle, const DVec3& direction) {
+/// Radiance of the lights themselves.
+Vec3 lights_towards(std::span<const runtime::DominantLight> lights, const DVec3& direction) {
     Vec3 sum(0);
-    if (!bundle.lights_extracted()) return sum;
-    for (const runtime::DominantLight& light : bundle.lights()) {
+    for (const runtime::DominantLight& light : lights) {
         const DVec3 towards(light.direction[0], light.direction[1], light.direction[2]);
         if (glm::length(direction - towards) < static_cast<double>(light.angular_radius))
             sum += from_runtime(light.irradiance) / light.solid_angle;
@@ -95,7 +107,7 @@ Vec3 lights_towards(const runtime::Bundle& bundle, const DVec3& direction) {
     return sum;
 }
 
-/// What stands behind the scene.
+/// What stands behind the scene, in a direction of the bake.
 Vec3 background_towards(const runtime::Bundle& bundle, const DVec3& direction) {
     const runtime::MipsView& mips = bundle.mips();
     if (mips.level_count > 0) {
@@ -122,9 +134,13 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
                                  const runtime::Bundle& bundle, const Camera& camera,
                                  const PreviewOptions& options, Progress& progress) {
     ENVBAKE_TRY_VOID(check_same_scene(scene, bundle));
+    const LightTurn& turn = options.light_turn;
+    const std::vector<float> coeffs = turn.turned(bundle.lighting());
+    const runtime::ShLightingView lighting{bundle.lighting().bands, coeffs};
+    const std::vector<runtime::DominantLight> lights = extracted_lights(bundle, turn);
     std::vector<std::vector<Vec3>> light(scene.meshes.size());
     parallel_for(scene.meshes.size(), [&](std::size_t i) {
-        light[i] = vertex_light(scene.meshes[i], bundle.meshes()[i].diffuse, bundle.lighting());
+        light[i] = vertex_light(scene.meshes[i], bundle.meshes()[i].diffuse, lighting);
     });
 
     const auto shade = [&](const SurfacePoint& point) {
@@ -135,12 +151,13 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
         Vec3 sum = material.diffuse_albedo() *
                    (point.barycentric.x * at[corner[0]] + point.barycentric.y * at[corner[1]] +
                     point.barycentric.z * at[corner[2]]);
-        sum += light_reflected(bundle, tracer, point, material);
+        sum += light_reflected(lights, bundle.distribution(), tracer, point, material);
         if (options.white_lambert) return sum;
         if (material.r0 != Vec3(0)) {
             sum += from_runtime(runtime::specular(
-                bundle, to_runtime(point.specular_normal), to_runtime(point.to_viewer),
-                material.perceptual_roughness, {material.r0.x, material.r0.y, material.r0.z}));
+                bundle, to_runtime(turn.back(point.specular_normal)),
+                to_runtime(turn.back(point.to_viewer)), material.perceptual_roughness,
+                {material.r0.x, material.r0.y, material.r0.z}));
         }
         return glm::max(sum, Vec3(0)) + material.emission;
     };
@@ -169,8 +186,9 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
                     if (measured) surface += static_cast<double>(layer.weight);
                 }
                 if (sight.background > 0)
-                    sum += DVec3(sight.background * (background_towards(bundle, direction) +
-                                                     lights_towards(bundle, direction)));
+                    sum +=
+                        DVec3(sight.background * (background_towards(bundle, turn.back(direction)) +
+                                                  lights_towards(lights, direction)));
             }
             const std::size_t pixel = row * width + static_cast<std::size_t>(x);
             picture.radiance[pixel] = Vec3(sum * per_sight);

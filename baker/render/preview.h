@@ -5,6 +5,7 @@
 #include "baker/core/progress.h"
 #include "baker/input/scene.h"
 #include "baker/render/camera.h"
+#include "baker/render/light_turn.h"
 #include "baker/render/picture.h"
 #include "baker/trace/tracer.h"
 #include "envbake/runtime/bundle.h"
@@ -14,6 +15,7 @@ namespace envbake {
 struct PreviewOptions {
     int sights_per_axis = 2;     ///< lines of sight through a pixel, along each axis
     bool white_lambert = false;  ///< albedo 1 and no specular in place of every material
+    LightTurn light_turn{};      ///< since the bake
 };
 
 /// What an engine shows that shades from the bundle, through runtime/shade.h and nothing else:

@@ -282,7 +282,7 @@ struct Noise {
 Reference render_reference(const Scene& scene, const Tracer& tracer, const Environment& environment,
                            const Camera& camera, const ReferenceOptions& options,
                            Progress& progress) {
-    const EnvironmentSampler sampler(environment);
+    const EnvironmentSampler sampler(environment, options.light_turn);
     assert(options.truncated_light.empty() || options.white_lambert);
     const TruncatedLight truncated(options.truncated_light);
     const View view{scene, tracer, sampler, truncated, options};

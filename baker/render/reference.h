@@ -5,6 +5,7 @@
 #include "baker/input/environment.h"
 #include "baker/input/scene.h"
 #include "baker/render/camera.h"
+#include "baker/render/light_turn.h"
 #include "baker/render/picture.h"
 #include "baker/trace/tracer.h"
 
@@ -25,9 +26,10 @@ struct ReferenceOptions {
     bool white_lambert = false;  ///< albedo 1 and no specular in place of every material
     std::uint64_t seed = 0;
     LightSampling sampling = LightSampling::Mis;
+    LightTurn light_turn{};  ///< of the environment
     /// If given, n^2 coefficients, n <= 10: a second picture is rendered by the light
-    /// sum_i l_i Y_i(w), from the same rays. Against it a preview shows the error of transport and
-    /// interpolation alone. Only with white_lambert.
+    /// sum_i l_i Y_i(w), turned already, from the same rays. Against it a preview shows the error
+    /// of transport and interpolation alone. Only with white_lambert.
     std::span<const Vec3> truncated_light = {};
 };
 

@@ -10,7 +10,9 @@
 #include <nlohmann/json.hpp>
 
 #include <cstddef>
+#include <fstream>
 #include <functional>
+#include <iterator>
 #include <span>
 
 namespace envbake::test {
@@ -135,6 +137,29 @@ TEST_F(Render, CameraOptionsAreChecked) {
         expect_refused(render({std::string("--fov=") + degrees}), 2, "--fov");
     EXPECT_EQ(render({"--camera=3,3,1e6", "--look-at=0,0,0", "--exposure=-100", "--fov=1"}).status,
               0);
+}
+
+TEST_F(Render, ATurntableEndsWhereItBegan) {
+    const auto bytes = [&](const std::string& name) {
+        std::ifstream file(folder_ / name, std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(file), {});
+    };
+    ASSERT_EQ(render({"--exposure=0"}).status, 0);
+    const Outcome outcome = render({"--exposure=0", "--turntable=3"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_EQ(bytes("x.0000.png"), bytes("x.png"));
+    EXPECT_NE(bytes("x.0001.png"), bytes("x.png"));
+    EXPECT_TRUE(fs::exists(folder_ / "x.0002.png"));
+    EXPECT_FALSE(fs::exists(folder_ / "x.0003.png"));
+    ASSERT_EQ(render({"--exposure=0", "--rotate-light=360"}).status, 0);
+    EXPECT_EQ(bytes("x.png"), bytes("x.0000.png"));
+}
+
+TEST_F(Render, TurningOptionsAreChecked) {
+    for (const char* degrees : {"nan", "inf", "361", "-1e9"})
+        expect_refused(render({std::string("--rotate-light=") + degrees}), 2, "--rotate-light");
+    expect_refused(render({"--turntable=0"}), 2, "--turntable");
+    expect_refused(render({"--turntable=2", "--reference", "--env", sky_}), 2, "--turntable");
 }
 
 TEST_F(Render, FieldOfViewCountsWithoutACameraToo) {

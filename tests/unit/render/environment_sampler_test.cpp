@@ -101,6 +101,29 @@ TEST(EnvironmentSampler, SamplesAgreeWithTheirDensity) {
     }
 }
 
+// Columns of a lat-long map run clockwise seen from above: a quarter turn the other way is a map
+// that is read a quarter of its width further to the right.
+TEST(EnvironmentSampler, TurnsAsAShiftedMap) {
+    RandomStream random(4, 5, 6);
+    const Environment map =
+        test::lat_long_environment(8, 5, [&](int, int) { return random_radiance(random); });
+    Environment shifted = map;
+    for (std::size_t i = 0; i < 40; ++i)
+        shifted.radiance[i] = map.radiance[i / 8 * 8 + (i % 8 + 2) % 8];
+    const EnvironmentSampler turned(map, LightTurn(kPi / 2)), truth(shifted);
+    for (int i = 0; i < 1000; ++i) {
+        const DVec3 w = lattice_direction(i, 1000);
+        const auto a = turned.towards(w), b = truth.towards(w);
+        EXPECT_EQ(a.radiance, b.radiance) << i;
+        EXPECT_NEAR(a.pdf, b.pdf, 1e-12);
+        EXPECT_EQ(a.direction, w);
+        const auto picked = turned.sample(random.next(), random.next());
+        const auto there = truth.towards(picked.direction);
+        EXPECT_EQ(picked.radiance, there.radiance);
+        EXPECT_NEAR(picked.pdf, there.pdf, 1e-12);
+    }
+}
+
 TEST(EnvironmentSampler, NeverPicksABlackTexel) {
     const Environment environment = test::lat_long_environment(
         8, 4, [](int row, int column) { return Vec3(row == 2 && column == 5 ? 3.0f : 0.0f); });

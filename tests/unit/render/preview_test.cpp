@@ -264,6 +264,45 @@ TEST(Preview, BackgroundIsTheMipElseTheSh) {
     EXPECT_NEAR(picture->radiance[3].y, 3, 1e-6);
 }
 
+// What is round about +Y looks the same from a camera that turns with the light: SH, mips, lights
+// and background must all turn, and the same way.
+TEST(Preview, TurnedLightIsSeenByATurnedCamera) {
+    Material material = test::diffuse_material(0.5f);
+    material.dielectric_r0 = Vec3(0.3f);
+    Scene scene = test::scene_of(material);
+    test::add_sphere(scene, Vec3(0), 1, 64);
+    Contents contents = unoccluded(scene, 3);
+    for (int i = 0; i < 27; ++i)
+        contents.lighting.push_back(i < 3 ? 9.0f : static_cast<float>(i * 7 % 5) - 2);
+    Contents with_mips = contents, with_light = contents;
+    for (int i = 0; i < 18; ++i) with_mips.mip.push_back(static_cast<float>(i * 5 % 7));
+    with_mips.table = {0.5f, 0.1f, 0.5f, 0.1f, 0.5f, 0.1f, 0.5f, 0.1f};
+    with_light.light = {0.6f, 0.48f, 0.64f, 6, 4, 2, 0.3f, 0.28f, 0.5f};
+
+    const LightTurn quarter(kPi / 2);
+    const Camera camera{{1, 2, 6}, {0, 0.2, 0}, 35, 16, 12};
+    Camera turned = camera;
+    turned.position = quarter.turned(camera.position);
+    EXPECT_NEAR(turned.position.x, 6, 1e-12);
+    EXPECT_NEAR(turned.position.z, -1, 1e-12);
+    for (const Contents& each : {with_mips, with_light}) {
+        const TestBundle bundle(scene, each);
+        const auto before = preview(scene, bundle.get(), camera);
+        const auto after = preview(scene, bundle.get(), turned, {.light_turn = quarter});
+        const auto unturned = preview(scene, bundle.get(), turned);
+        ASSERT_TRUE(before && after && unturned);
+        double other = 0;
+        for (std::size_t i = 0; i < before->radiance.size(); ++i) {
+            for (int c = 0; c < 3; ++c) {
+                EXPECT_NEAR(after->radiance[i][c], before->radiance[i][c], 2e-3f) << i;
+                other += std::abs(static_cast<double>(unturned->radiance[i][c]) -
+                                  static_cast<double>(before->radiance[i][c]));
+            }
+        }
+        EXPECT_GT(other, 10);
+    }
+}
+
 TEST(Preview, RefusesTheBundleOfAnotherScene) {
     Scene scene = test::scene_of(test::diffuse_material(1));
     test::add_floor(scene, 10);
