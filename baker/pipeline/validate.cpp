@@ -3,6 +3,7 @@
 
 #include "baker/pipeline/array_values.h"
 #include "baker/pipeline/check_self_test.h"
+#include "baker/pipeline/format_rules.h"
 #include "baker/pipeline/metadata.h"
 #include "baker/pipeline/self_test.h"
 
@@ -155,17 +156,15 @@ class Validation {
         if (findings_.empty()) check_meaning();
         if (findings_.empty())
             for (std::string& message : check_self_test(reader_, tolerance_))
-                add(110, "SelfTest", std::move(message));
+                add(rule::kSelfTest, std::move(message));
         return std::move(findings_);
     }
 
   private:
-    void add(int code, std::string name, std::string message) {
-        findings_.push_back({code, std::move(name), std::move(message)});
+    void add(const FormatRule& broken, std::string message) {
+        findings_.push_back({broken.code, std::string(broken.name), std::move(message)});
     }
-    void add(const format::Error& e) {
-        add(static_cast<int>(e.code), std::string(format::to_string(e.code)), format::to_string(e));
-    }
+    void add(const format::Error& e) { add(FormatRule(e.code), format::to_string(e)); }
 
     /// Arrays share no bytes; what lies between them is 0.
     void check_layout() {
@@ -209,12 +208,16 @@ class Validation {
             add(format::Error::at(format::Errc::MissingMetadata));
             return;
         }
-        metadata_ = parse_metadata(reader_.metadata());
-        if (!metadata_.is_object()) {
-            metadata_ = Json::object();
-            add(100, "MetadataSyntax",
-                "array metadata: not a JSON object in UTF-8, stored uncompressed");
+        if (info->type != format::ElementType::U8 || info->rank != 1 ||
+            info->codec != format::Codec::None) {
+            add(rule::kMetadataStored, "array metadata: not u8 of one axis, stored uncompressed");
+            return;
         }
+        metadata_ = parse_metadata(reader_.metadata());
+        if (metadata_.is_discarded())
+            add(rule::kMetadataSyntax, "array metadata: not JSON in UTF-8, nested at most 64 deep");
+        else if (!metadata_.is_object())
+            add(rule::kMetadataObject, "array metadata: not a JSON object");
     }
 
     void check_meaning() {
@@ -227,27 +230,25 @@ class Validation {
             if (!measured) continue;  // check_stored has said so
             const ArrayStatistics& s = *measured;
             if (s.non_finite_count > 0)
-                add(104, "NonFinite",
-                    concat("array ", info.name, ": ", s.non_finite_count,
-                           " elements are NaN or infinite"));
+                add(rule::kNonFinite, concat("array ", info.name, ": ", s.non_finite_count,
+                                             " elements are NaN or infinite"));
             if (known.kind == KnownName::Kind::Mip && s.min < 0)
-                add(105, "Negative", concat("array ", info.name, ": radiance down to ", s.min));
+                add(rule::kNegative, concat("array ", info.name, ": radiance down to ", s.min));
         }
         for (const LobeNames* lobe : {&kGgx, &kBeckmann})
             if (findings_.empty()) check_mip_sizes(*lobe);
         if (findings_.empty()) check_metadata_agrees();
     }
 
-    void require_type(const format::ArrayInfo& info,
+    void require_type(const format::ArrayInfo& info, const FormatRule& broken,
                       std::initializer_list<format::ElementType> types) {
         if (std::find(types.begin(), types.end(), info.type) == types.end())
-            add(102, "ArrayType",
-                concat("array ", info.name, ": is ", format::to_string(info.type), ", ",
-                       format::to_string(*types.begin()), " is accepted"));
+            add(broken, concat("array ", info.name, ": is ", format::to_string(info.type), ", ",
+                               format::to_string(*types.begin()), " is accepted"));
     }
-    void require_shape(const format::ArrayInfo& info, bool good, const char* accepted) {
-        if (!good)
-            add(103, "ArrayShape", concat("array ", info.name, ": its shape is not ", accepted));
+    void require_shape(const format::ArrayInfo& info, const FormatRule& broken, bool good,
+                       const std::string& accepted) {
+        if (!good) add(broken, concat("array ", info.name, ": its shape is not ", accepted));
     }
 
     static bool is_square(std::uint64_t n) {
@@ -263,45 +264,54 @@ class Validation {
         switch (known.kind) {
             case Kind::Unknown:
                 break;
-            case Kind::Metadata:
-                require_type(info, {ElementType::U8});
-                require_shape(info, info.rank == 1, "[bytes]");
+            case Kind::Metadata:  // check_metadata_syntax has said so
                 break;
             case Kind::Lights:
-                require_type(info, {ElementType::F32});
-                require_shape(info, info.rank == 2 && s[1] == 9, "[k, 9]");
+                require_type(info, rule::kLightsType, {ElementType::F32});
+                require_shape(info, rule::kLightsShape, info.rank == 2 && s[1] == 9, "[k, 9]");
                 break;
-            case Kind::Sh:
-                require_type(info, {ElementType::F32});
-                require_shape(info, info.rank == 2 && is_square(s[0]) && is_channels(s[1]),
-                              "[n*n, 3] or [n*n, 1] for n of 1 to 10");
+            case Kind::Sh: {
+                require_type(info, rule::kShType, {ElementType::F32});
+                const bool coefficients = info.rank == 2 && is_square(s[0]);
+                require_shape(info, rule::kShCoefficients, coefficients,
+                              "[n*n, c] for n of 1 to 10");
+                require_shape(info, rule::kShChannels, !coefficients || is_channels(s[1]),
+                              "[n*n, 3] or [n*n, 1]");
                 break;
+            }
             case Kind::Mip:
-                require_type(info, {ElementType::F32, ElementType::F16});
-                require_shape(info, MipShape::of(info).has_value(),
+                require_type(info, rule::kMipType, {ElementType::F32, ElementType::F16});
+                require_shape(info, rule::kMipShape, MipShape::of(info).has_value(),
                               "[6, s, s, c] or [2 s, 4 s, c] for c of 1 or 3");
                 break;
             case Kind::Table:
-                require_type(info, {ElementType::F32, ElementType::F16});
-                require_shape(info, info.rank == 3 && s[0] > 1 && s[0] == s[1] && s[2] == 2,
-                              "[n, n, 2]");
+                require_type(info, rule::kTableType, {ElementType::F32, ElementType::F16});
+                require_shape(info, rule::kTableShape,
+                              info.rank == 3 && s[0] > 1 && s[0] == s[1] && s[2] == 2,
+                              "[n, n, 2] for n from 2");
                 break;
             case Kind::AverageAlbedo:
-                require_type(info, {ElementType::F32});
-                require_shape(info, info.rank == 1, "[n]");
+                require_type(info, rule::kAlbedoType, {ElementType::F32});
+                require_shape(info, rule::kAlbedoShape, info.rank == 1, "[n]");
                 break;
             case Kind::Diffuse:
             case Kind::Unshadowed:
-                require_type(info, {ElementType::F32});
-                require_shape(info, info.rank == 2 && is_square(s[1]),
+                require_type(info, rule::kTransportType, {ElementType::F32});
+                require_shape(info, rule::kTransportShape, info.rank == 2 && is_square(s[1]),
                               "[vertices, n*n] for n of 1 to 10");
                 break;
             case Kind::Question:
-            case Kind::Answer:
-                require_type(info, {known.element});
-                require_shape(info, info.rank == 2 && s[0] > 0 && s[1] == known.columns,
-                              concat("[k, ", known.columns, "] for k from 1").c_str());
+            case Kind::Answer: {
+                const bool asks = known.kind == Kind::Question;
+                require_type(info, asks ? rule::kQuestionType : rule::kAnswerType, {known.element});
+                const bool table = info.rank == 2 && s[1] == known.columns;
+                require_shape(info, asks ? rule::kQuestionShape : rule::kAnswerShape, table,
+                              concat("[k, ", known.columns, "]"));
+                require_shape(info, rule::kSelfTestEmpty, !table || s[0] > 0, "of one row or more");
+                if (info.codec != format::Codec::None)
+                    add(rule::kSelfTestStored, concat("array ", info.name, ": is compressed"));
                 break;
+            }
         }
     }
 
@@ -332,24 +342,21 @@ class Validation {
             const std::uint64_t below = std::min<std::uint64_t>(mip.level - mips[0].level, 63);
             const std::uint64_t expected = std::max<std::uint64_t>(1, first.size >> below);
             if (mip.shape.cube != first.cube || mip.shape.channels != first.channels)
-                add(103, "ArrayShape",
+                add(rule::kMipLayout,
                     concat("array ", mip.name, ": its layout or channels are not those of ",
                            mips[0].name));
             else if (mip.shape.size != expected)
-                add(103, "ArrayShape",
-                    concat("array ", mip.name, ": its size is ", mip.shape.size, ", ", expected,
-                           " follows from ", mips[0].name));
+                add(rule::kMipChain, concat("array ", mip.name, ": its size is ", mip.shape.size,
+                                            ", ", expected, " follows from ", mips[0].name));
         }
     }
-
-    void wrong_field(std::string message) { add(101, "MetadataField", std::move(message)); }
 
     void check_metadata_agrees() {
         check_meshes_member();
         check_self_test_member();
         const Json lights = member(member(metadata_, "environment"), "lights");
         if (reader_.find("environment/lights") && !member(lights, "extracted").is_boolean())
-            wrong_field("environment.lights.extracted is neither true nor false");
+            add(rule::kLightsExtracted, "environment.lights.extracted is neither true nor false");
         for (const LobeNames* lobe : {&kGgx, &kBeckmann}) {
             check_mips_member(*lobe);
             check_table(*lobe);
@@ -360,14 +367,14 @@ class Validation {
         const auto table = reader_.find(concat("brdf/", lobe.brdf));
         const auto average = reader_.find(concat("brdf/", lobe.brdf, "_average_albedo"));
         if (average && (!table || average->shape[0] != table->shape[0]))
-            add(103, "ArrayShape",
-                concat("array ", average->name, ": not one value for each row of brdf/",
-                       lobe.brdf));
+            add(rule::kAlbedoRows, concat("array ", average->name,
+                                          ": not one value for each row of brdf/", lobe.brdf));
         if (!table) return;
         const Json axes =
             member(member(member(metadata_, "brdf"), std::string(lobe.brdf).c_str()), "axes");
         if (axes != "roots" && axes != "linear")
-            wrong_field(concat("brdf.", lobe.brdf, ".axes is neither \"roots\" nor \"linear\""));
+            add(rule::kTableAxes,
+                concat("brdf.", lobe.brdf, ".axes is neither \"roots\" nor \"linear\""));
     }
 
     void check_mips_member(const LobeNames& lobe) {
@@ -377,11 +384,11 @@ class Validation {
         if (stored.empty() && mips.is_null()) return;
         const Json count = member(mips, "count"), levels = member(mips, "levels");
         if (!is_integer(count, 1, 16)) {
-            wrong_field(concat(name, ".count is no integer of 1 to 16"));
+            add(rule::kMipsCount, concat(name, ".count is no integer of 1 to 16"));
             return;
         }
         if (!levels.is_array() || levels.size() != stored.size()) {
-            wrong_field(
+            add(rule::kMipsLevels,
                 concat(name, ".levels does not list the arrays environment/", lobe.mips, "/K"));
             return;
         }
@@ -390,18 +397,21 @@ class Validation {
             const std::uint64_t level = stored[i].level;
             const Json roughness = member(levels[i], "roughness");
             if (level != stored[0].level + i)
-                wrong_field(concat("mip ", stored[0].level + i, " is not stored, but ",
-                                   stored[i].name, " is"));
+                add(rule::kMipsGap, concat("mip ", stored[0].level + i, " is not stored, but ",
+                                           stored[i].name, " is"));
             else if (level >= count.get<std::uint64_t>())
-                wrong_field(concat(name, ".count is not above ", stored[i].name));
-            else if (!is_integer(member(levels[i], "level"), level, level) ||
-                     !has_size(levels[i], stored[i].shape))
-                wrong_field(concat(name, ".levels[", i, "] is not array ", stored[i].name,
-                                   " with its size"));
+                add(rule::kMipsBeyondCount, concat(name, ".count is not above ", stored[i].name));
+            else if (!is_integer(member(levels[i], "level"), level, level))
+                add(rule::kMipsLevel,
+                    concat(name, ".levels[", i, "].level is not that of ", stored[i].name));
+            else if (!has_size(levels[i], stored[i].shape))
+                add(rule::kMipsSize,
+                    concat(name, ".levels[", i, "] has not the size of ", stored[i].name));
             else if (const double expected = steps > 0 ? static_cast<double>(level) / steps : 0;
                      !roughness.is_number() ||
                      !(std::abs(roughness.get<double>() - expected) <= 1e-6))
-                wrong_field(concat(name, ".levels[", i, "].roughness is not ", expected));
+                add(rule::kMipsRoughness,
+                    concat(name, ".levels[", i, "].roughness is not ", expected));
         }
     }
 
@@ -416,24 +426,28 @@ class Validation {
     void check_meshes_member() {
         const Json meshes = member(metadata_, "meshes");
         if (!meshes.is_null() && !meshes.is_array()) {
-            wrong_field("meshes is no array");
+            add(rule::kMeshesList, "meshes is no array");
             return;
         }
         for (std::size_t i = 0; i < meshes.size(); ++i)
             for (const char* key : {"node", "mesh", "primitive", "vertex_count"})
                 if (!is_integer(member(meshes[i], key), 0,
                                 std::numeric_limits<std::uint32_t>::max()))
-                    wrong_field(concat("meshes[", i, "].", key, " is no integer of 0 to 2^32 - 1"));
+                    add(rule::kMeshNumbers,
+                        concat("meshes[", i, "].", key, " is no integer of 0 to 2^32 - 1"));
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
             const KnownName known = known_name(info.name);
             if (known.kind != KnownName::Kind::Diffuse && known.kind != KnownName::Kind::Unshadowed)
                 continue;
-            if (known.number >= meshes.size() ||
-                member(meshes[static_cast<std::size_t>(known.number)], "vertex_count") !=
-                    info.shape[0])
-                wrong_field(concat("meshes[", known.number,
-                                   "].vertex_count is not the row count of array ", info.name));
+            if (known.number >= meshes.size())
+                add(rule::kMeshAbsent,
+                    concat("meshes[", known.number, "] is missing, but ", info.name, " is not"));
+            else if (member(meshes[static_cast<std::size_t>(known.number)], "vertex_count") !=
+                     info.shape[0])
+                add(rule::kVertexCount,
+                    concat("meshes[", known.number, "].vertex_count is not the row count of array ",
+                           info.name));
         }
     }
 
@@ -447,28 +461,52 @@ class Validation {
                 has_diffuse = has_diffuse || info.shape[0] > 0;
         }
         bool asked = has_lighting;
-        const auto check_group = [&](const QuestionGroup& group, bool required) {
-            const bool question = reader_.find(group.question).has_value();
-            const bool answer = reader_.find(group.answer).has_value();
+        const auto check_group = [&](const QuestionGroup& group, const FormatRule* required) {
+            const auto question = reader_.find(group.question);
+            const auto answer = reader_.find(group.answer);
             asked = asked || question || answer;
-            if (!question && (required || answer))
-                wrong_field(concat("array ", group.question, " is missing"));
-            if (!answer && (required || question))
-                wrong_field(concat("array ", group.answer, " is missing"));
+            if (!question && !answer && required)
+                add(*required, concat("array ", group.question, " is missing"));
+            if (!question && answer)
+                add(rule::kQuestionsMissing, concat("array ", group.question, " is missing"));
+            if (question && !answer)
+                add(rule::kAnswersMissing, concat("array ", group.answer, " is missing"));
+            if (question && answer && question->shape[0] != answer->shape[0])
+                add(rule::kAnswerCount,
+                    concat("array ", group.answer, ": not one answer for each question"));
         };
-        check_group(kIrradiance, has_lighting);
-        check_group(kDiffuse, has_lighting && has_diffuse);
-        check_group(kSpecular, false);
-        check_group(kSpecularBeckmann, false);
+        check_group(kIrradiance, has_lighting ? &rule::kIrradianceUnasked : nullptr);
+        check_group(kDiffuse, has_lighting && has_diffuse ? &rule::kDiffuseUnasked : nullptr);
+        check_group(kSpecular, nullptr);
+        check_group(kSpecularBeckmann, nullptr);
+        check_vertices_asked_for();
 
         const Json self_test = member(metadata_, "self_test");
         if (!asked && self_test.is_null()) return;
         const Json tolerance = member(self_test, "tolerance");
-        if (tolerance.is_number()) tolerance_ = tolerance.get<double>();
-        if (!tolerance.is_number() || !(tolerance_ > 0) ||
-            !(tolerance_ <= SelfTest::kLargestTolerance))
-            wrong_field(concat("self_test.tolerance is no number in (0, ",
-                               SelfTest::kLargestTolerance, "]"));
+        if (!tolerance.is_number()) {
+            add(rule::kToleranceMissing, "self_test.tolerance is no number");
+            return;
+        }
+        tolerance_ = tolerance.get<double>();
+        if (!(tolerance_ > 0 && tolerance_ <= SelfTest::kLargestTolerance))
+            add(rule::kToleranceRange, concat("self_test.tolerance is no number in (0, ",
+                                              SelfTest::kLargestTolerance, "]"));
+    }
+
+    /// A question about a vertex has one that is stored.
+    void check_vertices_asked_for() {
+        const auto vertices = reader_.view<std::uint32_t>(kDiffuse.question);
+        if (!vertices) return;
+        for (std::size_t i = 0; i + 1 < vertices->size(); i += 2) {
+            const std::uint32_t mesh = (*vertices)[i], vertex = (*vertices)[i + 1];
+            const auto rows = reader_.find(concat("mesh/", mesh, "/diffuse"));
+            if (rows && vertex < rows->shape[0]) continue;
+            add(rule::kVertexAbsent,
+                concat("array ", kDiffuse.question, ": row ", i / 2, " asks for vertex ", vertex,
+                       " of mesh/", mesh, "/diffuse, which is not stored"));
+            return;
+        }
     }
 
     const format::Reader& reader_;
@@ -479,7 +517,7 @@ class Validation {
 
 }  // namespace
 
-Expected<std::vector<Finding>> validate_bundle(const std::filesystem::path& file) try {
+Expected<std::vector<Finding>> validate_bundle(const std::filesystem::path& file) {
     const auto reader = format::Reader::open(file.c_str());
     if (reader) return Validation(*reader).run();
     const format::Error& e = reader.error();
@@ -487,8 +525,6 @@ Expected<std::vector<Finding>> validate_bundle(const std::filesystem::path& file
         return Error{Errc::Failed, concat(file.string(), ": ", format::to_string(e))};
     return std::vector<Finding>{
         {static_cast<int>(e.code), std::string(format::to_string(e.code)), format::to_string(e)}};
-} catch (const Json::exception& e) {
-    return std::vector<Finding>{{101, "MetadataField", e.what()}};
 }
 
 }  // namespace envbake

@@ -304,6 +304,44 @@ TEST_F(Commands, AFolderThatCannotBeWrittenToIsOne) {
     EXPECT_EQ(envbake({"dump", (folder_ / "absent.envb").string()}).status, 1);
 }
 
+/// The part of JSON Schema that docs/validate.schema.json uses: type, properties, required, items.
+bool fits(const nlohmann::json& value, const nlohmann::json& schema) {
+    const std::string type = schema.at("type");
+    if (type == "boolean") return value.is_boolean();
+    if (type == "integer") return value.is_number_integer();
+    if (type == "string") return value.is_string();
+    if (type == "array")
+        return value.is_array() && std::all_of(value.begin(), value.end(), [&](const auto& item) {
+                   return fits(item, schema.at("items"));
+               });
+    if (type != "object" || !value.is_object()) return false;
+    for (const auto& key : schema.at("required"))
+        if (!value.contains(key.get<std::string>())) return false;
+    for (const auto& [key, member] : value.items())
+        if (!schema.at("properties").contains(key) ||
+            !fits(member, schema.at("properties").at(key)))
+            return false;
+    return true;
+}
+
+TEST_F(Commands, ValidateSpeaksByItsSchema) {
+    const auto schema = nlohmann::json::parse(read_file(ENVBAKE_VALIDATE_SCHEMA));
+    bake();
+    const auto good = nlohmann::json::parse(envbake({"validate", bundle_, "--json"}).out);
+    EXPECT_TRUE(fits(good, schema)) << good;
+    EXPECT_EQ(good.at("valid"), true);
+    std::string content = read_file(bundle_);
+    content[64] = static_cast<char>(content[64] ^ 1);
+    write_file(bundle_, content);
+    auto bad = nlohmann::json::parse(envbake({"validate", bundle_, "--json"}).out);
+    EXPECT_TRUE(fits(bad, schema)) << bad;
+    EXPECT_EQ(bad.at("valid"), false);
+    ASSERT_EQ(bad.at("findings").size(), 1u);
+    EXPECT_EQ(bad.at("findings")[0].at("code"), 30);
+    bad.at("findings")[0].erase("code");
+    EXPECT_FALSE(fits(bad, schema));
+}
+
 TEST_F(Commands, DamagedBundlesAreFour) {
     bake();
     std::string content = read_file(bundle_);

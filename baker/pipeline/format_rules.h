@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "envbake/format/error.h"
+
+#include <string_view>
+
+namespace envbake {
+
+/// A rule of docs/format.md, under the number that it has there. Numbers and names never change;
+/// those below 100 are format::Errc's.
+struct FormatRule {
+    int code = 0;
+    std::string_view name;
+
+    constexpr FormatRule(int code_, std::string_view name_) : code(code_), name(name_) {}
+    explicit FormatRule(format::Errc errc)
+        : code(static_cast<int>(errc)), name(format::to_string(errc)) {}
+};
+
+/// What arrays and metadata mean. 101 to 103 are not used: each stood for several of these.
+namespace rule {
+inline constexpr FormatRule kMetadataSyntax{100, "MetadataSyntax"};
+inline constexpr FormatRule kNonFinite{104, "NonFinite"};
+inline constexpr FormatRule kNegative{105, "Negative"};
+inline constexpr FormatRule kSelfTest{110, "SelfTest"};
+inline constexpr FormatRule kMetadataObject{120, "MetadataObject"};
+inline constexpr FormatRule kMetadataStored{121, "MetadataStored"};
+inline constexpr FormatRule kLightsExtracted{130, "LightsExtracted"};
+inline constexpr FormatRule kMipsCount{131, "MipsCount"};
+inline constexpr FormatRule kMipsLevels{132, "MipsLevels"};
+inline constexpr FormatRule kMipsGap{133, "MipsGap"};
+inline constexpr FormatRule kMipsBeyondCount{134, "MipsBeyondCount"};
+inline constexpr FormatRule kMipsLevel{135, "MipsLevel"};
+inline constexpr FormatRule kMipsSize{136, "MipsSize"};
+inline constexpr FormatRule kMipsRoughness{137, "MipsRoughness"};
+inline constexpr FormatRule kTableAxes{138, "TableAxes"};
+inline constexpr FormatRule kMeshesList{139, "MeshesList"};
+inline constexpr FormatRule kMeshNumbers{140, "MeshNumbers"};
+inline constexpr FormatRule kMeshAbsent{141, "MeshAbsent"};
+inline constexpr FormatRule kVertexCount{142, "VertexCount"};
+inline constexpr FormatRule kIrradianceUnasked{143, "IrradianceUnasked"};
+inline constexpr FormatRule kDiffuseUnasked{144, "DiffuseUnasked"};
+inline constexpr FormatRule kAnswersMissing{145, "AnswersMissing"};
+inline constexpr FormatRule kQuestionsMissing{146, "QuestionsMissing"};
+inline constexpr FormatRule kToleranceMissing{147, "ToleranceMissing"};
+inline constexpr FormatRule kToleranceRange{148, "ToleranceRange"};
+inline constexpr FormatRule kAnswerCount{149, "AnswerCount"};
+inline constexpr FormatRule kVertexAbsent{150, "VertexAbsent"};
+inline constexpr FormatRule kSelfTestStored{151, "SelfTestStored"};
+inline constexpr FormatRule kLightsType{160, "LightsType"};
+inline constexpr FormatRule kShType{161, "ShType"};
+inline constexpr FormatRule kMipType{162, "MipType"};
+inline constexpr FormatRule kTableType{163, "TableType"};
+inline constexpr FormatRule kAlbedoType{164, "AlbedoType"};
+inline constexpr FormatRule kTransportType{165, "TransportType"};
+inline constexpr FormatRule kQuestionType{166, "QuestionType"};
+inline constexpr FormatRule kAnswerType{167, "AnswerType"};
+inline constexpr FormatRule kLightsShape{170, "LightsShape"};
+inline constexpr FormatRule kShCoefficients{171, "ShCoefficients"};
+inline constexpr FormatRule kShChannels{172, "ShChannels"};
+inline constexpr FormatRule kMipShape{173, "MipShape"};
+inline constexpr FormatRule kTableShape{174, "TableShape"};
+inline constexpr FormatRule kAlbedoShape{175, "AlbedoShape"};
+inline constexpr FormatRule kTransportShape{176, "TransportShape"};
+inline constexpr FormatRule kQuestionShape{177, "QuestionShape"};
+inline constexpr FormatRule kAnswerShape{178, "AnswerShape"};
+inline constexpr FormatRule kSelfTestEmpty{179, "SelfTestEmpty"};
+inline constexpr FormatRule kMipLayout{180, "MipLayout"};
+inline constexpr FormatRule kMipChain{181, "MipChain"};
+inline constexpr FormatRule kAlbedoRows{182, "AlbedoRows"};
+}  // namespace rule
+
+}  // namespace envbake
