@@ -26,6 +26,7 @@ inline constexpr FormatRule kNegative{105, "Negative"};
 inline constexpr FormatRule kSelfTest{110, "SelfTest"};
 inline constexpr FormatRule kMetadataObject{120, "MetadataObject"};
 inline constexpr FormatRule kMetadataStored{121, "MetadataStored"};
+inline constexpr FormatRule kNamesPlaced{122, "NamesPlaced"};
 inline constexpr FormatRule kLightsExtracted{130, "LightsExtracted"};
 inline constexpr FormatRule kMipsCount{131, "MipsCount"};
 inline constexpr FormatRule kMipsLevels{132, "MipsLevels"};

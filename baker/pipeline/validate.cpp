@@ -151,6 +151,7 @@ class Validation {
 
     std::vector<Finding> run() {
         check_layout();
+        check_name_places();
         for (std::size_t i = 0; i < reader_.array_count(); ++i) check_stored(reader_.array(i));
         check_metadata_syntax();
         if (findings_.empty()) check_meaning();
@@ -190,6 +191,23 @@ class Validation {
             end = std::max(end, array.offset + array.stored_size);
         }
         check_gap(reader_.table_offset());
+    }
+
+    /// Names fill the table behind its entries, in their order.
+    void check_name_places() {
+        const std::byte* end = reader_.file().data() + reader_.table_offset() +
+                               reader_.array_count() * format::kEntrySize;
+        for (std::size_t i = 0; i < reader_.array_count(); ++i) {
+            const std::string_view name = reader_.array(i).name;
+            if (reinterpret_cast<const std::byte*>(name.data()) != end) {
+                add(rule::kNamesPlaced,
+                    concat("array ", name, ": its name does not begin where the one before ends"));
+                return;
+            }
+            end += name.size();
+        }
+        if (end != reader_.file().data() + reader_.file().size())
+            add(rule::kNamesPlaced, "the last name does not end with the table");
     }
 
     void check_stored(const format::ArrayInfo& info) {
@@ -517,9 +535,13 @@ class Validation {
 
 }  // namespace
 
+std::vector<Finding> validate_bundle(const format::Reader& reader) {
+    return Validation(reader).run();
+}
+
 Expected<std::vector<Finding>> validate_bundle(const std::filesystem::path& file) {
     const auto reader = format::Reader::open(file.c_str());
-    if (reader) return Validation(*reader).run();
+    if (reader) return validate_bundle(*reader);
     const format::Error& e = reader.error();
     if (e.code == format::Errc::CannotOpen || e.code == format::Errc::CannotRead)
         return Error{Errc::Failed, concat(file.string(), ": ", format::to_string(e))};

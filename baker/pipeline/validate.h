@@ -3,6 +3,8 @@
 
 #include "baker/core/error.h"
 
+#include "envbake/format/reader.h"
+
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -22,5 +24,8 @@ struct Finding {
 ///
 /// Errors:  Failed  the file cannot be opened
 Expected<std::vector<Finding>> validate_bundle(const std::filesystem::path& file);
+
+/// The same of a bundle that is open.
+std::vector<Finding> validate_bundle(const format::Reader& reader);
 
 }  // namespace envbake
