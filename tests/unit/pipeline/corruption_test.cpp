@@ -83,7 +83,7 @@ TEST_P(Golden, EveryDamagedByteIsFound) {
 TEST_P(Golden, EveryTruncationAndWhatIsAppendedIsRefused) {
     for (std::size_t size = 0; size < bytes_.size(); ++size)
         EXPECT_FALSE(format::Reader::open(Memory(bytes_.substr(0, size)).span())) << size;
-    for (const std::size_t more : {1, 7, 64, 4096})
+    for (const std::size_t more : {1u, 7u, 64u, 4096u})
         for (const char byte : {'\0', '\xff'})
             EXPECT_EQ(faults(Memory(bytes_ + std::string(more, byte)).span()),
                       std::vector<std::string>{"FileSize"});
