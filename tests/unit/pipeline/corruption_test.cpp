@@ -22,6 +22,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Every byte of an array is damaged; where a sanitizer makes each try some fifty times as long,
+/// every 13th, and all of header and table.
+#ifndef __has_feature
+#define __has_feature(x) 0
+#endif
+#if defined(__SANITIZE_ADDRESS__) || __has_feature(address_sanitizer)
+constexpr std::size_t kArrayStride = 13;
+#else
+constexpr std::size_t kArrayStride = 1;
+#endif
+
 /// Memory of exactly the file's size, so that a sanitizer sees one byte too many.
 class Memory {
   public:
@@ -71,13 +82,17 @@ TEST_P(Golden, IsReadForEver) {
 }
 
 TEST_P(Golden, EveryDamagedByteIsFound) {
+    std::uint64_t table = 0;
+    std::memcpy(&table, bytes_.data() + 24, 8);
     Memory memory(bytes_);
-    for (std::size_t at = 0; at < bytes_.size(); ++at)
+    for (std::size_t at = 0; at < bytes_.size(); ++at) {
+        if (at >= format::kHeaderSize && at < table && at % kArrayStride != 0) continue;
         for (const unsigned mask : {0x01u, 0x80u, 0xffu}) {
             memory[at] ^= static_cast<std::byte>(mask);
             EXPECT_FALSE(faults(memory.span()).empty()) << "byte " << at << " ^ " << mask;
             memory[at] ^= static_cast<std::byte>(mask);
         }
+    }
 }
 
 TEST_P(Golden, EveryTruncationAndWhatIsAppendedIsRefused) {
