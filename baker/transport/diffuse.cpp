@@ -40,15 +40,6 @@ constexpr int kFewestPilotRays = 48;
 /// the vertices that are baked twice.
 enum Stage : std::uint64_t { kResultTurns = 0x646966, kSecondTurns, kSampleChoice };
 
-double unoccluded_norm(int bands) {
-    double sum = 0;
-    for (int l = 0; l < bands; ++l) {
-        const double a = sh::clamped_cosine(l) / pi;
-        sum += a * a * (2 * l + 1) / (4 * pi);
-    }
-    return std::sqrt(sum);
-}
-
 int scaled_rays(double ray_count, double factor) {
     return static_cast<int>(std::clamp(ray_count * factor, 16.0, 1.0 * kMaxRays));
 }
@@ -340,6 +331,15 @@ int expected_rays_per_vertex(const DiffuseJob& job) {
     constexpr double kRays = 400, kTolerance = 1e-2, kBands = 5;
     const double error = job.tolerance / kTolerance * kBands / job.bands;
     return scaled_rays(kRays, rays_for_variance(error * error));
+}
+
+double unoccluded_norm(int bands) {
+    double sum = 0;
+    for (int l = 0; l < bands; ++l) {
+        const double a = sh::clamped_cosine(l) / pi;
+        sum += a * a * (2 * l + 1) / (4 * pi);
+    }
+    return std::sqrt(sum);
 }
 
 void unoccluded_transport(int bands, const DVec3& n, std::span<double> out) {

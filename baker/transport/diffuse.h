@@ -53,6 +53,9 @@ int expected_rays_per_vertex(const DiffuseJob& job);
 ///   out   [bands^2]
 void unoccluded_transport(int bands, const DVec3& n, std::span<double> out);
 
+/// |T|_2 of such a surface: the same for every n.
+double unoccluded_norm(int bands);
+
 /// Bakes "mesh/I/diffuse", [vertices, bands^2] f32:
 ///
 ///     T_i = 1/pi * integral of V(w) max(0, n.w) Y_i(w) dw
