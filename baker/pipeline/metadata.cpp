@@ -151,8 +151,7 @@ Json diffuse_json(const DiffuseReport& r) {
 
 Json bounces_json(const BounceReport& r) {
     return {{"count", r.bounces},
-            {"rays_per_vertex", r.rays_per_vertex},
-            {"rays", r.ray_count},
+            {"every_blocked_ray", rounded(r.stride)},
             {"points", r.point_count},
             {"points_on_black_backs", r.black_back_count},
             {"shrink", rounded(r.shrink)},

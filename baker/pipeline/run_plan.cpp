@@ -246,6 +246,7 @@ class Run {
     /// Bakes transport into memory, the same in every channel, for the bounces.
     Expected<void> keep(const PlannedDiffuse& diffuse) {
         transport_.resize(inputs_.scene->meshes.size());
+        blocked_.resize(transport_.size());
         std::vector<float>& kept = transport_[diffuse.mesh].rows;
         const std::size_t vertices = inputs_.scene->meshes[diffuse.mesh].vertex_count();
         kept.reserve(vertices * static_cast<std::size_t>(diffuse.job.bands * diffuse.job.bands *
@@ -255,9 +256,9 @@ class Run {
                 for (int c = 0; c < bounce_channels_; ++c) kept.push_back(value);
             return {};
         };
-        ENVBAKE_TRY(
-            report_.diffuse[diffuse.mesh],
-            bake_diffuse(diffuse.job, *inputs_.scene, diffuse.mesh, *tracer_, sink, progress_));
+        ENVBAKE_TRY(report_.diffuse[diffuse.mesh],
+                    bake_diffuse(diffuse.job, *inputs_.scene, diffuse.mesh, *tracer_, sink,
+                                 progress_, &blocked_[diffuse.mesh]));
         return {};
     }
 
@@ -267,7 +268,9 @@ class Run {
             for (std::size_t m = 0; m < transport_.size(); ++m)
                 if (!transport_[m].rows.empty())
                     transport_[m].emitted.resize(3 * inputs_.scene->meshes[m].vertex_count(), 0);
-        const BounceReport report = add_bounces(bounces.job, *inputs_.scene, *tracer_, transport_);
+        const BounceReport report =
+            add_bounces(bounces.job, *inputs_.scene, *tracer_, blocked_, transport_);
+        std::vector<BlockedRays>().swap(blocked_);
         report_.bounces = report;
         const double left_out = bounces.job.bounces == kAllBounces ? report.left_out : 0;
         const auto coeffs = static_cast<std::uint64_t>(bounces.job.bands * bounces.job.bands);
@@ -381,6 +384,7 @@ class Run {
     Progress& progress_;
     std::optional<Tracer> tracer_;
     std::vector<MeshTransport> transport_;  ///< what waits for its bounces
+    std::vector<BlockedRays> blocked_;      ///< the rays of that
     int bounce_channels_ = 1;
     BakeReport report_;
     StoredArrays stored_;

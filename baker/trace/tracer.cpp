@@ -235,12 +235,12 @@ std::uint32_t Tracer::occluded16(const DVec3& origin, const DirectionPacket& dir
 }
 
 std::uint32_t Tracer::closest16(const DVec3& origin, const DirectionPacket& directions,
-                                HitPacket& hits) const {
+                                HitPacket& hits, std::uint32_t active) const {
     alignas(64) RTCRayHit16 query;
     alignas(64) int valid[16];
     set_rays(query.ray, state_->space.to_local(origin), directions);
     for (unsigned i = 0; i < 16; ++i) {
-        valid[i] = -1;
+        valid[i] = (active >> i & 1) != 0 ? -1 : 0;
         query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
         query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
     }

@@ -63,9 +63,9 @@ class Tracer {
     /// Bit i set: ray i (of those set in `active`) meets an occluder.
     std::uint32_t occluded16(const DVec3& origin, const DirectionPacket& directions,
                              std::uint32_t active = 0xffff) const;
-    /// Bit i set: ray i meets an occluder, the first of which is in `hits`.
-    std::uint32_t closest16(const DVec3& origin, const DirectionPacket& directions,
-                            HitPacket& hits) const;
+    /// Bit i set: ray i (of those in `active`) meets an occluder, the first of which is in `hits`.
+    std::uint32_t closest16(const DVec3& origin, const DirectionPacket& directions, HitPacket& hits,
+                            std::uint32_t active = 0xffff) const;
     bool occluded(const DVec3& origin, const DVec3& direction) const;
     std::optional<Hit> closest(const DVec3& origin, const DVec3& direction) const;
 

@@ -3,6 +3,7 @@
 
 #include "baker/input/scene.h"
 #include "baker/trace/tracer.h"
+#include "baker/transport/diffuse.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -30,7 +31,7 @@ struct BounceJob {
     int bounces = kAllBounces;
     bool emission = false;    ///< surfaces shine: MeshTransport::emitted is wanted
     double tolerance = 1e-2;  ///< as DiffuseJob::tolerance, of what the bounces add
-    int rays_per_vertex = 0;  ///< 0: chosen from the tolerance
+    double stride = 0;        ///< every so many-th blocked ray is followed; 0: chosen
     std::uint64_t seed = 0;
 };
 
@@ -43,10 +44,9 @@ struct MeshTransport {
 /// Errors are relative as DiffuseJob::tolerance, over all vertices and channels; they leave out
 /// that T between the vertices of a triangle is taken to be linear.
 struct BounceReport {
-    int bounces = 0;  ///< that were added
-    int rays_per_vertex = 0;
-    std::uint64_t ray_count = 0;
-    std::uint64_t point_count = 0;       ///< of surfaces, that the vertices see
+    int bounces = 0;                     ///< that were added
+    double stride = 0;                   ///< every so many-th blocked ray was followed
+    std::uint64_t point_count = 0;       ///< that they ended at
     std::uint64_t black_back_count = 0;  ///< of those, on backs of single-sided materials
     std::size_t memory_bytes = 0;        ///< largest, beside the transport itself
 
@@ -65,21 +65,22 @@ struct BounceReport {
 /// from surfaces takes the same ways: exit radiance = albedo * (sum_i l_i T_i + E). E is what
 /// surfaces send here and, like T, everything that was reflected on its way.
 ///
-/// No ray is traced for a bounce: A is gathered once, by fewer rays than the direct transport took,
-/// for light from surfaces is the smaller and smoother part. A sample of the vertices, gathered
-/// twice, tells how many, and what they err.
+/// No ray is traced for a bounce: A is gathered once, from rays that the direct transport found
+/// blocked. Some of them do, for light from surfaces is the smaller and smoother part: a sample of
+/// the vertices tells how many, and, with other rays, what they err.
 ///
 /// The series ends after job.bounces, or where what is left out is bounded below a fiftieth of the
 /// tolerance: A has no negative entry, so where the last term t satisfies A t <= s t everywhere,
 /// all further ones are at most s / (1 - s) t. T_00 is nowhere negative, and |T|_2 <= bands T_00.
 /// For the largest row sum q of A, the same holds in the maximum norm with q.
 ///
+///   blocked    one a mesh, as bake_diffuse() fills it
 ///   transport  one a mesh; rows hold T_direct, the same in every channel, and T afterwards
 ///
 /// Memory: 16 bytes for each point that a vertex sees, 200 for each vertex and 12 for each
 /// triangle. Deterministic for any number of threads. Channels of equal albedo get equal bits, and
 /// one of three is as one alone.
 BounceReport add_bounces(const BounceJob& job, const Scene& scene, const Tracer& tracer,
-                         std::span<MeshTransport> transport);
+                         std::span<const BlockedRays> blocked, std::span<MeshTransport> transport);
 
 }  // namespace envbake

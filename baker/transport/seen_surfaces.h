@@ -4,6 +4,7 @@
 #include "baker/input/scene.h"
 #include "baker/math/simd.h"
 #include "baker/trace/tracer.h"
+#include "baker/transport/diffuse.h"
 #include "baker/transport/ray_origin.h"
 
 #include <array>
@@ -37,10 +38,13 @@ struct ScenePlaces {
 ///     B(p) = F(p) * mean over the rays that met something of albedo(x) T(x),
 ///     T(x) = interpolated between the corners of the triangle that x is on
 ///
-/// with F = 1 - T_00 / Y_00, the cosine-weighted share of its hemisphere that is blocked, as the
-/// far more numerous rays of the direct transport have it. So light is neither lost nor made: with
-/// albedo 1 under a constant sky T_00 tends to Y_00 whatever the rays. Where T says that something
-/// is there and no ray met it, the place sees its own like.
+/// with F = 1 - T_00 / Y_00, the cosine-weighted share of its hemisphere that is blocked, as all
+/// its rays have it. So light is neither lost nor made: with albedo 1 under a constant sky T_00
+/// tends to Y_00 whatever the rays. Where T says that something is there and no ray ends at it, the
+/// place sees its own like.
+///
+/// Neighbours follow each other in a ray set, so every k-th of the blocked rays are a few that are
+/// well spread over what is blocked.
 ///
 /// A back face of a single-sided material reflects nothing, though it blocks; of a double-sided one
 /// it reflects what its front does, as a renderer shows it. What has no transport reflects nothing.
@@ -54,17 +58,20 @@ class SeenSurfaces {
         std::array<std::uint16_t, 3> albedo;  ///< RGB, in 65535ths
     };
 
-    /// Traces `ray_count` rays (rounded up to 16) about the normal of each place that `blocked`
-    /// gives a share above 0.
-    ///   blocked  [chosen], F of each
+    enum class Rays {
+        OfTheDirectBake,  ///< those of `blocked`
+        New               ///< the same set turned otherwise, traced first
+    };
+    /// Follows every `stride`-th blocked ray of each chosen place, at least one.
+    ///   blocked  [mesh], as bake_diffuse() fills it
     ///   chosen   the places that get a row, by number
+    ///   shares   [chosen], F of each; no rays where it is 0
+    ///   offset   which of the `stride`: 0 .. 1, added to a random one
     SeenSurfaces(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
-                 std::span<const std::uint32_t> chosen, std::vector<float> blocked, int ray_count,
-                 std::uint64_t seed);
+                 std::span<const BlockedRays> blocked, std::span<const std::uint32_t> chosen,
+                 std::vector<float> shares, double stride, double offset, Rays rays);
 
-    std::size_t row_count() const { return blocked_.size(); }
-    int rays_per_row() const { return rays_per_row_; }
-    std::uint64_t ray_count() const { return ray_count_; }
+    std::size_t row_count() const { return shares_.size(); }
     std::uint64_t point_count() const { return point_count_; }
     std::uint64_t black_back_count() const { return black_back_count_; }
     std::size_t bytes() const;
@@ -94,11 +101,10 @@ class SeenSurfaces {
     }
 
     std::span<const std::array<std::uint32_t, 3>> corners_;
-    std::vector<float> blocked_;
+    std::vector<float> shares_;
     std::vector<Vec3> emitted_;
-    int rays_per_row_ = 0;
     std::vector<Block> blocks_;
-    std::uint64_t ray_count_ = 0, point_count_ = 0, black_back_count_ = 0;
+    std::uint64_t point_count_ = 0, black_back_count_ = 0;
 };
 
 }  // namespace envbake

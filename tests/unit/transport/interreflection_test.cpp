@@ -50,6 +50,7 @@ Lit light(const Scene& scene, BounceJob job, double direct_tolerance = 2e-3) {
     const auto tracer = Tracer::build(scene);
     EXPECT_TRUE(tracer) << tracer.error();
     Progress progress;
+    std::vector<BlockedRays> blocked(scene.meshes.size());
     for (std::size_t m = 0; m < scene.meshes.size(); ++m) {
         MeshTransport mesh;
         const auto sink = [&](std::span<const float> rows) -> Expected<void> {
@@ -57,12 +58,12 @@ Lit light(const Scene& scene, BounceJob job, double direct_tolerance = 2e-3) {
             return {};
         };
         EXPECT_TRUE(bake_diffuse({.bands = job.bands, .tolerance = direct_tolerance}, scene, m,
-                                 *tracer, sink, progress));
+                                 *tracer, sink, progress, &blocked[m]));
         if (job.emission) mesh.emitted.assign(3 * scene.meshes[m].vertex_count(), 0);
         lit.direct.push_back(std::move(mesh));
     }
     lit.transport = lit.direct;
-    lit.report = add_bounces(job, scene, *tracer, lit.transport);
+    lit.report = add_bounces(job, scene, *tracer, blocked, lit.transport);
     return lit;
 }
 
@@ -168,7 +169,7 @@ TEST(Interreflection, ConvexMeshesStayAsTheyAre) {
     const Scene scene = with_albedo(test::scene_of({test::sphere({1, 2, 3}, 2, 3)}), Vec3(0.9f));
     const Lit lit = light(scene, {});
     EXPECT_EQ(lit.transport[0].rows, lit.direct[0].rows);
-    EXPECT_EQ(lit.report.ray_count, 0u);
+    EXPECT_EQ(lit.report.point_count, 0u);
 }
 
 /// A roof over a floor. What is seen of it is its underside: of a single-sided roof that faces the
@@ -231,11 +232,11 @@ double rms_difference(const Lit& a, const Lit& b) {
 /// What is left out is bounded, and the bound is not idle.
 TEST(Interreflection, LeftOutBouncesAreBounded) {
     const Scene scene = with_albedo(open_room(), Vec3(0.7f));
-    const Lit all = light(scene, {.channels = 1, .tolerance = 1e-4, .rays_per_vertex = 128});
+    const Lit all = light(scene, {.channels = 1, .tolerance = 1e-4, .stride = 4});
     EXPECT_LT(all.report.shrink, 0.7001);
     for (const int bounces : {2, 4, 8}) {
-        const Lit some = light(
-            scene, {.channels = 1, .bounces = bounces, .tolerance = 1e-4, .rays_per_vertex = 128});
+        const Lit some =
+            light(scene, {.channels = 1, .bounces = bounces, .tolerance = 1e-4, .stride = 4});
         const double missing = rms_difference(some, all);
         EXPECT_LT(missing, some.report.left_out) << bounces;
         EXPECT_LT(some.report.left_out, 20 * missing) << bounces;
@@ -245,7 +246,7 @@ TEST(Interreflection, LeftOutBouncesAreBounded) {
 /// The stated error of the few rays against many rays.
 TEST(Interreflection, TheStatedErrorIsTheTrueOne) {
     const Scene scene = with_albedo(open_room(), Vec3(0.8f, 0.5f, 0.2f));
-    const Lit truth = light(scene, {.tolerance = 1e-3, .rays_per_vertex = 8192});
+    const Lit truth = light(scene, {.tolerance = 1e-3, .stride = 1});
     for (const double tolerance : {3e-2, 1e-2, 3e-3}) {
         const Lit lit = light(scene, {.tolerance = tolerance});
         const double error = rms_difference(lit, truth);
