@@ -41,9 +41,9 @@ TEST_F(PythonReader, ReadsWhatExtractGives) {
     const std::string scene = write_small_scene(folder_.path()).string();
     const std::string sky = write_small_sky(folder_ / "sky.hdr").string();
     const std::string bundle = (folder_ / "scene.envb").string();
-    const Outcome baked =
-        envbake({"bake", scene, "--env", sky, "-o", bundle, "--mip-size", "16", "--mip-count", "3",
-                 "--table-size", "16", "--irradiance", "--unshadowed", "--half-tables"});
+    const Outcome baked = envbake({"bake", scene, "--env", sky, "-o", bundle, "--mip-size", "16",
+                                   "--mip-count", "3", "--table-size", "16", "--irradiance",
+                                   "--unshadowed", "--half-tables", "--bounces", "all"});
     ASSERT_EQ(baked.status, 0) << baked.err;
 
     const auto reader = format::Reader::open(bundle.c_str());
