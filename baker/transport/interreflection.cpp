@@ -108,6 +108,7 @@ class Interreflection {
     void choose_sample();
     SeenSurfaces gather(std::span<const std::uint32_t> chosen, double stride, double offset,
                         SeenSurfaces::Rays rays);
+    double error_at(double stride);
     double choose_stride();
     std::vector<Column> columns_of(std::size_t channel) const;
     void load(std::span<const Column> columns, std::vector<Float16>& lanes);
@@ -164,17 +165,11 @@ SeenSurfaces Interreflection::gather(std::span<const std::uint32_t> chosen, doub
                         offset, rays);
 }
 
-/// Which of the blocked rays to follow, by the first bounce to the sample: what some of them bring
-/// against what those bring that are halfway between them.
-double Interreflection::choose_stride() {
-    double rays = 0;
-    for (const std::uint32_t p : sample_) rays += blocked_[places_.places[p].mesh].set.ray_count;
-    const double pilot_stride =
-        std::max(2.0, rays / static_cast<double>(sample_.size()) / kPilotRays);
-    const SeenSurfaces first =
-        gather(sample_, pilot_stride, 0, SeenSurfaces::Rays::OfTheDirectBake);
-    const SeenSurfaces second =
-        gather(sample_, pilot_stride, 0.5, SeenSurfaces::Rays::OfTheDirectBake);
+/// Error of all bounces where every `stride`-th ray is followed, by the first one to the sample:
+/// what those rays bring against what those bring that are halfway between them.
+double Interreflection::error_at(double stride) {
+    const SeenSurfaces first = gather(sample_, stride, 0, SeenSurfaces::Rays::OfTheDirectBake);
+    const SeenSurfaces second = gather(sample_, stride, 0.5, SeenSurfaces::Rays::OfTheDirectBake);
     double squares = 0, reflectance = 0;
     for (std::size_t c = 0; c < channels_; ++c) {
         const auto channel = static_cast<int>(c);
@@ -196,11 +191,21 @@ double Interreflection::choose_stride() {
     }
     const auto count = static_cast<double>(sample_.size() * channels_);
     const double all_bounces = job_.bounces == 1 ? 1 : 1 / (1 - std::min(0.9, reflectance / count));
-    const double error =
-        kApart * std::sqrt(squares / count) / unoccluded_norm(job_.bands) * all_bounces;
-    const double stride =
-        pilot_stride * std::pow(kRaysShare * job_.tolerance / error, 1 / kRaysExponent);
-    return std::clamp(stride, 1.0, rays / static_cast<double>(sample_.size()) / kFewestRays);
+    return kApart * std::sqrt(squares / count) / unoccluded_norm(job_.bands) * all_bounces;
+}
+
+/// Twice, for the law of the error is a rough one.
+double Interreflection::choose_stride() {
+    double rays = 0;
+    for (const std::uint32_t p : sample_) rays += blocked_[places_.places[p].mesh].set.ray_count;
+    rays /= static_cast<double>(sample_.size());
+    double stride = rays / kPilotRays;
+    for (int round = 0; round < 2; ++round) {
+        stride = std::max(stride, 2.0);  // of two that follow every ray there is no difference
+        stride *= std::pow(kRaysShare * job_.tolerance / error_at(stride), 1 / kRaysExponent);
+        stride = std::clamp(stride, 1.0, std::max(1.0, rays / kFewestRays));
+    }
+    return stride;
 }
 
 /// Those that nothing makes negative come first: they tell when the series may end.
