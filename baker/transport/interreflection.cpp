@@ -205,6 +205,7 @@ double Interreflection::error_at(double stride) {
 
 /// Twice, for the law of the error is a rough one.
 double Interreflection::choose_stride() {
+    if (job_.emission) return 1;  // lamps are small: every ray counts
     double rays = 0;
     for (const std::uint32_t p : sample_) rays += blocked_[places_.places[p].mesh].set.ray_count;
     rays /= static_cast<double>(sample_.size());
