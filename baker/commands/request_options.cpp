@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/commands/request_options.h"
 
+#include "baker/transport/interreflection.h"
+
 #include <string>
 #include <vector>
 
@@ -78,6 +80,17 @@ void declare_request(CLI::App& app, BakeRequest& request) {
            "roots: (n.v)^(1/4), r^(1/2), end points stored; linear: n.v, r, texel centres")
         ->check(CLI::IsMember({"roots", "linear"}))
         ->default_str("roots");
+    app.add_option_function<std::string>(
+           "--bounces",
+           [&request](const std::string& text) {
+               if (text == "all")
+                   request.bounces = kAllBounces;
+               else if (!CLI::detail::lexical_cast(text, request.bounces) || request.bounces < 0)
+                   throw CLI::ValidationError("--bounces", text + ": a number from 0 on, or all");
+           },
+           "Light between surfaces: how often it is reflected, or all")
+        ->type_name("N|all")
+        ->default_str("0");
     app.add_flag("--unshadowed", request.unshadowed,
                  "Also bake mesh/I/unshadowed: transport without occlusion, analytic");
     const auto add_names = [&app](const char* option, std::vector<std::string>& names,

@@ -57,6 +57,7 @@ inline constexpr FormatRule kAlbedoType{164, "AlbedoType"};
 inline constexpr FormatRule kTransportType{165, "TransportType"};
 inline constexpr FormatRule kQuestionType{166, "QuestionType"};
 inline constexpr FormatRule kAnswerType{167, "AnswerType"};
+inline constexpr FormatRule kEmittedType{168, "EmittedType"};
 inline constexpr FormatRule kLightsShape{170, "LightsShape"};
 inline constexpr FormatRule kShCoefficients{171, "ShCoefficients"};
 inline constexpr FormatRule kShChannels{172, "ShChannels"};
@@ -70,6 +71,7 @@ inline constexpr FormatRule kSelfTestEmpty{179, "SelfTestEmpty"};
 inline constexpr FormatRule kMipLayout{180, "MipLayout"};
 inline constexpr FormatRule kMipChain{181, "MipChain"};
 inline constexpr FormatRule kAlbedoRows{182, "AlbedoRows"};
+inline constexpr FormatRule kEmittedShape{183, "EmittedShape"};
 }  // namespace rule
 
 }  // namespace envbake

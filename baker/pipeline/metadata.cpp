@@ -47,8 +47,9 @@ Json conventions() {
          "index l*l + l + m"},
         {"lighting", "l_i = integral of L(w) Y_i(w) dw"},
         {"diffuse",
-         "T_i = 1/pi integral of V(w) max(0, n.w) Y_i(w) dw; exit radiance = albedo * sum_i l_i "
-         "T_i"},
+         "T_i = 1/pi integral of V(w) max(0, n.w) Y_i(w) dw, with bounces the light that surfaces "
+         "reflect in place of V = 0; exit radiance = albedo * (sum_i l_i T_i + emitted)"},
+        {"emitted", "what surfaces that shine send to a vertex, 1/pi integral of L cos, RGB"},
         {"roughness", "perceptual, alpha = roughness^2; mip k of n holds roughness k / (n - 1)"},
         {"mips",
          "N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), D is "
@@ -148,6 +149,18 @@ Json diffuse_json(const DiffuseReport& r) {
             {"error_p999", rounded(r.error_p999)}};
 }
 
+Json bounces_json(const BounceReport& r) {
+    return {{"count", r.bounces},
+            {"every_blocked_ray", rounded(r.stride)},
+            {"points", r.point_count},
+            {"points_on_black_backs", r.black_back_count},
+            {"shrink", rounded(r.shrink)},
+            {"left_out", std::isfinite(r.left_out) ? Json(rounded(r.left_out)) : Json()},
+            {"error_rms", rounded(r.error_rms)},
+            {"error_p999", rounded(r.error_p999)},
+            {"emitted_error_rms", rounded(r.emitted_error_rms)}};
+}
+
 Json meshes_json(const Scene& scene, const BakeReport& report) {
     Json list = Json::array();
     for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
@@ -210,6 +223,7 @@ Json options_json(const BakeRequest& r) {
             {"no_receive", r.not_receiving},
             {"no_cast", r.not_casting},
             {"unshadowed", r.unshadowed},
+            {"bounces", r.bounces == kAllBounces ? Json("all") : Json(r.bounces)},
             {"rays", r.rays_per_vertex},
             {"seed", r.seed},
             {"strict", r.strict},
@@ -239,6 +253,7 @@ Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const B
     if (report.ggx.table) json["brdf"]["ggx"] = table_json(*report.ggx.table, request.table_axes);
     if (report.beckmann.table)
         json["brdf"]["beckmann"] = table_json(*report.beckmann.table, request.table_axes);
+    if (report.bounces) json["bounces"] = bounces_json(*report.bounces);
     if (inputs.scene) {
         json["scene"] = {{"materials", inputs.scene->materials.size()},
                          {"notes", inputs.scene->notes}};

@@ -39,6 +39,7 @@ struct BakeReport {
     int mip_count = 0;
     std::optional<ShWindow> window;
     std::vector<std::optional<DiffuseReport>> diffuse;  ///< one a mesh
+    std::optional<BounceReport> bounces;
     double self_test_tolerance = 0;
 };
 

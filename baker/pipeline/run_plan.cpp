@@ -35,6 +35,10 @@ class Run {
     /// Returns what fell short of the tolerance.
     Expected<std::vector<std::string>> execute(const BakePlan& plan) {
         choose_self_test_vertices(plan);
+        for (const PlannedStage& stage : plan.stages)
+            if (const auto* bounces =
+                    stage.job ? std::get_if<PlannedBounces>(&*stage.job) : nullptr)
+                bounce_channels_ = bounces->job.channels;
         bool transport_announced = false;
         for (const PlannedStage& stage : plan.stages) {
             if (!stage.job) continue;
@@ -67,6 +71,7 @@ class Run {
         for (const auto& [name, error] : report_.array_errors)
             if (name.rfind("brdf/", 0) != 0 && name.rfind("mesh/", 0) != 0)
                 judge(name, error.value);
+        if (report_.bounces) judge("mesh/*/emitted", report_.bounces->emitted_error_rms);
         double square_sum = 0, vertex_count = 0;
         for (const auto& diffuse : report_.diffuse) {
             if (!diffuse) continue;
@@ -216,6 +221,7 @@ class Run {
         const Mesh& mesh = inputs_.scene->meshes[diffuse.mesh];
         const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
         ENVBAKE_TRY_VOID(build_tracer());
+        if (diffuse.bounces) return keep(diffuse);
         if (auto begun = writer_.begin(
                 {output, format::ElementType::F32, {mesh.vertex_count(), coeffs}, codec()});
             !begun)
@@ -235,6 +241,63 @@ class Run {
                                         "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
         if (diffuse.job.shadowed) report_.diffuse[diffuse.mesh] = report;
         return {};
+    }
+
+    /// Bakes transport into memory, the same in every channel, for the bounces.
+    Expected<void> keep(const PlannedDiffuse& diffuse) {
+        transport_.resize(inputs_.scene->meshes.size());
+        blocked_.resize(transport_.size());
+        std::vector<float>& kept = transport_[diffuse.mesh].rows;
+        const std::size_t vertices = inputs_.scene->meshes[diffuse.mesh].vertex_count();
+        kept.reserve(vertices * static_cast<std::size_t>(diffuse.job.bands * diffuse.job.bands *
+                                                         bounce_channels_));
+        const auto sink = [&](std::span<const float> rows) -> Expected<void> {
+            for (const float value : rows)
+                for (int c = 0; c < bounce_channels_; ++c) kept.push_back(value);
+            return {};
+        };
+        ENVBAKE_TRY(report_.diffuse[diffuse.mesh],
+                    bake_diffuse(diffuse.job, *inputs_.scene, diffuse.mesh, *tracer_, sink,
+                                 progress_, &blocked_[diffuse.mesh]));
+        return {};
+    }
+
+    /// Adds the bounces to all that waited, and writes it.
+    Expected<void> bake(const std::string&, const PlannedBounces& bounces) {
+        if (bounces.job.emission)
+            for (std::size_t m = 0; m < transport_.size(); ++m)
+                if (!transport_[m].rows.empty())
+                    transport_[m].emitted.resize(3 * inputs_.scene->meshes[m].vertex_count(), 0);
+        const BounceReport report =
+            add_bounces(bounces.job, *inputs_.scene, *tracer_, blocked_, transport_);
+        std::vector<BlockedRays>().swap(blocked_);
+        report_.bounces = report;
+        const double left_out = bounces.job.bounces == kAllBounces ? report.left_out : 0;
+        const auto coeffs = static_cast<std::uint64_t>(bounces.job.bands * bounces.job.bands);
+        const auto channels = static_cast<std::uint64_t>(bounces.job.channels);
+        for (std::size_t m = 0; m < transport_.size(); ++m) {
+            std::vector<float>& rows = transport_[m].rows;
+            if (rows.empty()) continue;
+            DiffuseReport& of_mesh = *report_.diffuse[m];
+            of_mesh.error_rms = std::hypot(of_mesh.error_rms, report.error_rms) + left_out;
+            of_mesh.error_p999 = std::hypot(of_mesh.error_p999, report.error_p999) + left_out;
+            const std::string output = concat("mesh/", m, "/diffuse");
+            report_.array_errors[output] = {
+                of_mesh.error_rms, "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+            keep_self_test_rows(m, 0, rows, coeffs * channels, transport_[m].emitted);
+            std::vector<std::uint64_t> shape{rows.size() / (coeffs * channels), coeffs};
+            if (channels > 1) shape.push_back(channels);
+            ENVBAKE_TRY_VOID(add<float>(output, std::move(shape), rows, codec()));
+            std::vector<float>().swap(rows);
+        }
+        return {};
+    }
+
+    Expected<void> bake(const std::string& output, const PlannedEmitted& planned) {
+        const std::vector<float>& emitted = transport_[planned.mesh].emitted;
+        report_.array_errors[output] = {report_.bounces->emitted_error_rms,
+                                        "rms over the scene's vertices, relative to their rms"};
+        return add<float>(output, {emitted.size() / 3, 3}, emitted, codec());
     }
 
     Expected<void> build_tracer() {
@@ -279,13 +342,17 @@ class Run {
     }
 
     void keep_self_test_rows(std::size_t mesh, std::uint64_t first_vertex,
-                             std::span<const float> rows, std::uint64_t coeffs) {
+                             std::span<const float> rows, std::uint64_t row_size,
+                             std::span<const float> emitted = {}) {
         for (auto& vertex : stored_.vertices) {
             if (vertex.mesh != mesh || vertex.vertex < first_vertex) continue;
             const std::uint64_t row = vertex.vertex - first_vertex;
-            if (row >= rows.size() / coeffs) continue;
-            const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(row * coeffs);
-            vertex.transport.assign(begin, begin + static_cast<std::ptrdiff_t>(coeffs));
+            if (row >= rows.size() / row_size) continue;
+            const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(row * row_size);
+            vertex.transport.assign(begin, begin + static_cast<std::ptrdiff_t>(row_size));
+            vertex.channels = bounce_channels_;
+            for (std::size_t c = 0; c < 3 && !emitted.empty(); ++c)
+                vertex.emitted[static_cast<int>(c)] = static_cast<double>(emitted[3 * row + c]);
         }
     }
 
@@ -316,6 +383,9 @@ class Run {
     format::Writer& writer_;
     Progress& progress_;
     std::optional<Tracer> tracer_;
+    std::vector<MeshTransport> transport_;  ///< what waits for its bounces
+    std::vector<BlockedRays> blocked_;      ///< the rays of that
+    int bounce_channels_ = 1;
     BakeReport report_;
     StoredArrays stored_;
 };

@@ -66,12 +66,16 @@ DVec3 irradiance(const StoredArrays& arrays, const DVec3& n) {
     return E;
 }
 
-DVec3 exit_radiance(const StoredArrays& arrays, const std::vector<float>& transport) {
+DVec3 exit_radiance(const StoredArrays& arrays, const StoredArrays::Vertex& vertex) {
     // Bands that the lighting does not have count as 0.
-    DVec3 L{0};
-    for (std::size_t i = 0; i < std::min(transport.size(), arrays.sh.size() / 3); ++i)
-        L += static_cast<double>(transport[i]) *
-             DVec3(arrays.sh[3 * i], arrays.sh[3 * i + 1], arrays.sh[3 * i + 2]);
+    const auto channels = static_cast<std::size_t>(vertex.channels);
+    DVec3 L = vertex.emitted;
+    for (std::size_t i = 0; i < std::min(vertex.transport.size() / channels, arrays.sh.size() / 3);
+         ++i)
+        for (std::size_t c = 0; c < 3; ++c)
+            L[static_cast<int>(c)] +=
+                static_cast<double>(vertex.transport[i * channels + c % channels]) *
+                static_cast<double>(arrays.sh[3 * i + c]);
     return L;
 }
 
@@ -297,7 +301,7 @@ SelfTest make_self_test(const StoredArrays& arrays) {
         for (const auto& vertex : arrays.vertices) {
             test.diffuse_vertex.push_back(vertex.mesh);
             test.diffuse_vertex.push_back(vertex.vertex);
-            push(test.diffuse_value, exit_radiance(arrays, vertex.transport));
+            push(test.diffuse_value, exit_radiance(arrays, vertex));
         }
     }
     test.ggx = ask_specular(arrays, arrays.ggx);

@@ -34,7 +34,9 @@ struct StoredArrays {
     struct Vertex {
         std::uint32_t mesh = 0;
         std::uint32_t vertex = 0;
-        std::vector<float> transport;  ///< [bands^2]
+        std::vector<float> transport;  ///< [bands^2, channels]
+        int channels = 1;
+        DVec3 emitted{0};
     };
     std::vector<Vertex> vertices;  ///< a few, spread over the meshes
 };

@@ -38,6 +38,7 @@ struct KnownName {
         AverageAlbedo,
         Diffuse,
         Unshadowed,
+        Emitted,
         Question,
         Answer
     };
@@ -109,6 +110,7 @@ KnownName known_name(std::string_view name) {
     } else if (take("mesh/")) {
         const auto mesh = take_number(name);
         if (mesh && name == "/diffuse") return {Kind::Diffuse, *mesh};
+        if (mesh && name == "/emitted") return {Kind::Emitted, *mesh};
         if (mesh && name == "/unshadowed") return {Kind::Unshadowed, *mesh};
     }
     return {};
@@ -313,6 +315,16 @@ class Validation {
                 require_shape(info, rule::kAlbedoShape, info.rank == 1, "[n]");
                 break;
             case Kind::Diffuse:
+                require_type(info, rule::kTransportType, {ElementType::F32});
+                require_shape(info, rule::kTransportShape,
+                              is_square(s[1]) && (info.rank == 2 || (info.rank == 3 && s[2] == 3)),
+                              "[vertices, n*n] or [vertices, n*n, 3] for n of 1 to 10");
+                break;
+            case Kind::Emitted:
+                require_type(info, rule::kEmittedType, {ElementType::F32});
+                require_shape(info, rule::kEmittedShape, info.rank == 2 && s[1] == 3,
+                              "[vertices, 3]");
+                break;
             case Kind::Unshadowed:
                 require_type(info, rule::kTransportType, {ElementType::F32});
                 require_shape(info, rule::kTransportShape, info.rank == 2 && is_square(s[1]),
@@ -456,7 +468,8 @@ class Validation {
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
             const KnownName known = known_name(info.name);
-            if (known.kind != KnownName::Kind::Diffuse && known.kind != KnownName::Kind::Unshadowed)
+            if (known.kind != KnownName::Kind::Diffuse && known.kind != KnownName::Kind::Emitted &&
+                known.kind != KnownName::Kind::Unshadowed)
                 continue;
             if (known.number >= meshes.size())
                 add(rule::kMeshAbsent,

@@ -45,6 +45,7 @@ struct BakeRequest {
         not_receiving;                     ///< "mesh/I", or names of nodes or meshes: no transport
     std::vector<std::string> not_casting;  ///< the same: block no light
 
+    int bounces = 0;          ///< between surfaces; kAllBounces: until they are too faint
     bool unshadowed = false;  ///< also bake "mesh/I/unshadowed"
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;

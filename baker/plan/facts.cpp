@@ -125,6 +125,26 @@ float largest_base_color(const Scene& scene, const Material& material) {
     return strongest;
 }
 
+bool is_grey(const Scene& scene, const std::optional<Texture>& texture) {
+    if (!texture) return true;
+    const std::vector<std::uint8_t>& rgba =
+        scene.images[static_cast<std::size_t>(texture->image)].rgba;
+    for (std::size_t at = 0; at + 2 < rgba.size(); at += 4)
+        if (rgba[at] != rgba[at + 1] || rgba[at] != rgba[at + 2]) return false;
+    return !rgba.empty();
+}
+
+/// Every product of factor, texture and vertex colour is.
+bool has_grey_albedo(const Scene& scene, std::size_t index) {
+    const Material& material = scene.materials[index];
+    const auto grey = [](const auto& c) { return c.x == c.y && c.y == c.z; };
+    if (!grey(material.base_color) || !is_grey(scene, material.base_color_texture)) return false;
+    return std::all_of(scene.meshes.begin(), scene.meshes.end(), [&](const Mesh& mesh) {
+        return static_cast<std::size_t>(mesh.material) != index ||
+               std::all_of(mesh.colors.begin(), mesh.colors.end(), grey);
+    });
+}
+
 }  // namespace
 
 EnvironmentFacts collect_facts(const Environment& environment) {
@@ -148,7 +168,8 @@ EnvironmentFacts collect_facts(const Environment& environment) {
 
 std::vector<MaterialFacts> collect_material_facts(const Scene& scene) {
     std::vector<MaterialFacts> facts;
-    for (const Material& material : scene.materials) {
+    for (std::size_t i = 0; i < scene.materials.size(); ++i) {
+        const Material& material = scene.materials[i];
         const auto [low_g, high_g] = channel_range(scene, material.metallic_roughness_texture, 1);
         const auto [low_b, high_b] = channel_range(scene, material.metallic_roughness_texture, 2);
         const float max_metallic = material.metallic * high_b;
@@ -161,6 +182,8 @@ std::vector<MaterialFacts> collect_material_facts(const Scene& scene) {
             largest(material.dielectric_r0) * (material.metallic * low_b < 1 ? 1.0f : 0.0f),
             base_color * max_metallic);
         f.max_diffuse_albedo = base_color * (1 - material.metallic * low_b);
+        f.grey_albedo = f.max_diffuse_albedo <= 0 || has_grey_albedo(scene, i);
+        f.max_emission = largest(material.emission);
         facts.push_back(f);
     }
     return facts;

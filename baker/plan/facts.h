@@ -38,6 +38,8 @@ struct MaterialFacts {
     float max_roughness = 0;
     float max_r0 = 0;              ///< 0: no specular lobe at all
     float max_diffuse_albedo = 0;  ///< 0: metal or black
+    bool grey_albedo = true;       ///< red, green and blue are the same everywhere
+    float max_emission = 0;        ///< W sr^-1 m^-2
 };
 
 struct MeshFacts {

@@ -225,6 +225,78 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
     return stage;
 }
 
+/// Light between the surfaces of all meshes that have transport.
+PlannedStage plan_bounces(const BakeRequest& request, const BakeFacts& facts,
+                          const std::vector<PlannedStage>& stages) {
+    PlannedStage stage{"bounces", "", std::nullopt};
+    if (request.bounces == 0) {
+        stage.reason = "not asked for";
+        return stage;
+    }
+    double max_albedo = 0, vertices = 0, blocked = 0;
+    bool grey = true, emission = false;
+    for (const MeshFacts& f : facts.meshes)
+        emission =
+            emission || (f.triangle_count > 0 && facts.materials[f.material].max_emission > 0);
+    for (const PlannedStage& other : stages) {
+        const auto* diffuse = other.job ? std::get_if<PlannedDiffuse>(&*other.job) : nullptr;
+        if (diffuse == nullptr || !diffuse->job.shadowed) continue;
+        const MeshFacts& f = facts.meshes[diffuse->mesh];
+        const MaterialFacts& material = facts.materials[f.material];
+        max_albedo = std::max(max_albedo, static_cast<double>(material.max_diffuse_albedo));
+        grey = grey && material.grey_albedo;
+        vertices += static_cast<double>(f.vertex_count);
+        blocked += static_cast<double>(f.vertex_count - f.free_vertex_count);
+    }
+    if (vertices == 0) {
+        stage.reason = "no mesh has transport";
+        return stage;
+    }
+    const double most = most_from_bounces(max_albedo, blocked / vertices, request.bands);
+    if (blocked == 0) {
+        stage.reason = "no vertex sees a surface";
+        return stage;
+    }
+    if (!emission && most <= request.tolerance / 10) {
+        stage.reason = concat("no albedo x form factor reaches the tolerance: all bounces add ",
+                              format_number(most), " at most");
+        return stage;
+    }
+    BounceJob job{.bands = request.bands,
+                  .channels = grey ? 1 : 3,
+                  .bounces = request.bounces,
+                  .emission = emission,
+                  .tolerance = request.tolerance,
+                  .seed = request.seed};
+    // What add_bounces() says of itself, for 32 points a vertex, and the transport.
+    const double bytes =
+        vertices * (200 + 16 * 32 + 4.0 * (request.bands * request.bands * job.channels + 3));
+    stage.reason = concat(
+        request.bounces == kAllBounces ? "all of them" : concat("the first ", request.bounces),
+        ", of albedo up to ", format_number(max_albedo),
+        grey ? "; every albedo is grey: one channel" : "", emission ? "; surfaces shine" : "",
+        "; transport stays in memory: some ", format_bytes(static_cast<std::uint64_t>(bytes)));
+    stage.job = PlannedBounces{job};
+    return stage;
+}
+
+/// The diffuse transport waits for its bounces, and is given less of the tolerance. What surfaces
+/// emit comes with them.
+void add_bounces_stage(PlannedStage bounces, std::vector<PlannedStage>& stages) {
+    std::vector<PlannedStage> emitted;
+    for (PlannedStage& stage : stages) {
+        auto* diffuse = stage.job ? std::get_if<PlannedDiffuse>(&*stage.job) : nullptr;
+        if (!bounces.job || diffuse == nullptr || !diffuse->job.shadowed) continue;
+        diffuse->bounces = true;
+        diffuse->job.tolerance *= kDirectShare;
+        if (std::get<PlannedBounces>(*bounces.job).job.emission)
+            emitted.push_back({concat("mesh/", diffuse->mesh, "/emitted"),
+                               "light of the surfaces that shine", PlannedEmitted{diffuse->mesh}});
+    }
+    stages.push_back(std::move(bounces));
+    stages.insert(stages.end(), emitted.begin(), emitted.end());
+}
+
 Expected<void> check_request(const BakeRequest& request, const BakeFacts& facts) {
     const auto usage = [](auto... parts) { return Error{Errc::Usage, concat(parts...)}; };
     if (!facts.has_scene && !facts.environment)
@@ -244,6 +316,7 @@ Expected<void> check_request(const BakeRequest& request, const BakeFacts& facts)
                      request.roughness_range->max, ": 0 <= MIN <= MAX <= 1 are possible");
     if (request.table_size < 2 || request.table_size > 1024)
         return usage("--table-size ", request.table_size, ": 2 to 1024 are possible");
+    if (request.bounces < 0) return usage("--bounces ", request.bounces, ": 0 or more, or all");
     if (request.rays_per_vertex < 0 || request.rays_per_vertex > 1 << 20)
         return usage("--rays ", request.rays_per_vertex, ": 1 to 1048576 are possible");
     return {};
@@ -252,6 +325,7 @@ Expected<void> check_request(const BakeRequest& request, const BakeFacts& facts)
 /// Bytes of a stage's arrays, uncompressed.
 struct ArrayBytes {
     const BakeFacts& facts;
+    std::uint64_t bounce_channels;
 
     std::uint64_t operator()(const PlannedLights& lights) const {
         return lights.count * 9 * sizeof(float);
@@ -275,15 +349,24 @@ struct ArrayBytes {
     }
     std::uint64_t operator()(const PlannedDiffuse& diffuse) const {
         const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
-        return facts.meshes[diffuse.mesh].vertex_count * coeffs * sizeof(float);
+        return facts.meshes[diffuse.mesh].vertex_count * coeffs * sizeof(float) *
+               (diffuse.bounces ? bounce_channels : 1);
+    }
+    std::uint64_t operator()(const PlannedBounces&) const { return 0; }
+    std::uint64_t operator()(const PlannedEmitted& emitted) const {
+        return facts.meshes[emitted.mesh].vertex_count * 3 * sizeof(float);
     }
 };
 
 /// Adds up what the stages will cost. The ray count is the transport stage's own prediction.
 void estimate_cost(BakePlan& plan, const BakeFacts& facts) {
+    std::uint64_t bounce_channels = 1;
+    for (const PlannedStage& stage : plan.stages)
+        if (const auto* bounces = stage.job ? std::get_if<PlannedBounces>(&*stage.job) : nullptr)
+            bounce_channels = static_cast<std::uint64_t>(bounces->job.channels);
     for (const PlannedStage& stage : plan.stages) {
         if (!stage.job) continue;
-        plan.output_bytes += std::visit(ArrayBytes{facts}, *stage.job);
+        plan.output_bytes += std::visit(ArrayBytes{facts, bounce_channels}, *stage.job);
         const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
         if (diffuse == nullptr || !diffuse->job.shadowed) continue;
         const MeshFacts& f = facts.meshes[diffuse->mesh];
@@ -311,7 +394,10 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
             plan.stages.back().reason += "; the mesh is marked as casting nothing";
         plan.stages.push_back(plan_diffuse(request, facts, mesh, false));
     }
-    if (!facts.has_scene) plan.stages.push_back({"mesh", "no scene", std::nullopt});
+    if (facts.has_scene)
+        add_bounces_stage(plan_bounces(request, facts, plan.stages), plan.stages);
+    else
+        plan.stages.push_back({"mesh", "no scene", std::nullopt});
     estimate_cost(plan, facts);
     return plan;
 }

@@ -7,6 +7,7 @@
 #include "baker/plan/bake_request.h"
 #include "baker/plan/facts.h"
 #include "baker/transport/diffuse.h"
+#include "baker/transport/interreflection.h"
 
 #include <cstdint>
 #include <optional>
@@ -44,12 +45,24 @@ struct PlannedTable {
 struct PlannedDiffuse {
     DiffuseJob job;
     std::size_t mesh = 0;  ///< index into Scene::meshes
+    bool bounces = false;  ///< it waits for PlannedBounces, in memory
 };
 
-using Job = std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedDiffuse>;
+/// Adds bounces to all the transport that waits, and writes it.
+struct PlannedBounces {
+    BounceJob job;
+};
+
+/// "mesh/I/emitted", a by-product of the bounces.
+struct PlannedEmitted {
+    std::size_t mesh = 0;
+};
+
+using Job = std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedDiffuse,
+                         PlannedBounces, PlannedEmitted>;
 
 struct PlannedStage {
-    std::string output;      ///< array name or prefix: "environment/mips"
+    std::string output;      ///< array name or prefix: "environment/mips"; or "bounces"
     std::string reason;      ///< one sentence
     std::optional<Job> job;  ///< empty when the stage is skipped
 };

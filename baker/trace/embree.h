@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-/// Embree 3 and 4 behind the three calls we make. Included by tracer.cpp alone.
+/// Embree 3 and 4 behind the few calls we make. Included by tracer.cpp alone.
 /// CMakeLists.txt defines ENVBAKE_EMBREE_MAJOR from the package that it found.
 
 #if ENVBAKE_EMBREE_MAJOR >= 4
@@ -23,6 +23,12 @@ inline void occluded16(const int* valid, RTCScene scene, RTCRay16& rays) {
     arguments.flags = RTC_RAY_QUERY_FLAG_INCOHERENT;
     rtcOccluded16(valid, scene, &rays, &arguments);
 }
+inline void intersect16(const int* valid, RTCScene scene, RTCRayHit16& ray_hits) {
+    RTCIntersectArguments arguments;
+    rtcInitIntersectArguments(&arguments);
+    arguments.flags = RTC_RAY_QUERY_FLAG_INCOHERENT;
+    rtcIntersect16(valid, scene, &ray_hits, &arguments);
+}
 inline void occluded1(RTCScene scene, RTCRay& ray) {
     rtcOccluded1(scene, &ray);
 }
@@ -41,6 +47,10 @@ inline RTCIntersectContext incoherent_context() {
 inline void occluded16(const int* valid, RTCScene scene, RTCRay16& rays) {
     RTCIntersectContext context = incoherent_context();
     rtcOccluded16(valid, scene, &context, &rays);
+}
+inline void intersect16(const int* valid, RTCScene scene, RTCRayHit16& ray_hits) {
+    RTCIntersectContext context = incoherent_context();
+    rtcIntersect16(valid, scene, &context, &ray_hits);
 }
 inline void occluded1(RTCScene scene, RTCRay& ray) {
     RTCIntersectContext context = incoherent_context();

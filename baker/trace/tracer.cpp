@@ -200,11 +200,9 @@ const HalfSpaceTree& Tracer::half_spaces() const {
     return state_->half_spaces;
 }
 
-std::uint32_t Tracer::occluded16(const DVec3& origin, const DirectionPacket& directions,
-                                 std::uint32_t active) const {
-    const Vec3 from = state_->space.to_local(origin);
-    alignas(64) RTCRay16 rays;
-    alignas(64) int valid[16];
+namespace {
+
+void set_rays(RTCRay16& rays, const Vec3& from, const DirectionPacket& directions) {
     for (unsigned i = 0; i < 16; ++i) {
         rays.org_x[i] = from.x;
         rays.org_y[i] = from.y;
@@ -218,13 +216,51 @@ std::uint32_t Tracer::occluded16(const DVec3& origin, const DirectionPacket& dir
         rays.mask[i] = kOccluderMask;
         rays.id[i] = i;
         rays.flags[i] = 0;
-        valid[i] = (active >> i & 1) != 0 ? -1 : 0;
     }
+}
+
+}  // namespace
+
+std::uint32_t Tracer::occluded16(const DVec3& origin, const DirectionPacket& directions,
+                                 std::uint32_t active) const {
+    alignas(64) RTCRay16 rays;
+    alignas(64) int valid[16];
+    set_rays(rays, state_->space.to_local(origin), directions);
+    for (unsigned i = 0; i < 16; ++i) valid[i] = (active >> i & 1) != 0 ? -1 : 0;
     embree::occluded16(valid, state_->scene.get(), rays);
     std::uint32_t blocked = 0;
     for (unsigned i = 0; i < 16; ++i)  // Embree marks an occluded ray by tfar = -inf
         blocked |= static_cast<std::uint32_t>(rays.tfar[i] < 0) << i;
     return blocked & active;
+}
+
+std::uint32_t Tracer::closest16(const DVec3& origin, const DirectionPacket& directions,
+                                HitPacket& hits, std::uint32_t active) const {
+    alignas(64) RTCRayHit16 query;
+    alignas(64) int valid[16];
+    set_rays(query.ray, state_->space.to_local(origin), directions);
+    for (unsigned i = 0; i < 16; ++i) {
+        valid[i] = (active >> i & 1) != 0 ? -1 : 0;
+        query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+        query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+    }
+    embree::intersect16(valid, state_->scene.get(), query);
+    std::uint32_t blocked = 0;
+    hits.from_behind = 0;
+    for (unsigned i = 0; i < 16; ++i) {
+        if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
+        blocked |= 1u << i;
+        const TracedTriangles& traced = state_->geometries[query.hit.geomID[i]];
+        hits.mesh[i] = static_cast<std::uint32_t>(traced.mesh);
+        hits.triangle[i] = traced.triangle(query.hit.primID[i]);
+        hits.u[i] = query.hit.u[i];
+        hits.v[i] = query.hit.v[i];
+        const float towards = query.hit.Ng_x[i] * directions.x[i] +
+                              query.hit.Ng_y[i] * directions.y[i] +
+                              query.hit.Ng_z[i] * directions.z[i];
+        hits.from_behind |= static_cast<std::uint32_t>(towards > 0) << i;
+    }
+    return blocked;
 }
 
 namespace {

@@ -28,6 +28,14 @@ struct Hit {
     Vec3 geometric_normal{0};    ///< unit; by winding, not turned towards the ray
 };
 
+/// What sixteen rays of one origin meet first; structure of arrays. Of rays that meet nothing
+/// nothing is written.
+struct HitPacket {
+    std::array<std::uint32_t, 16> mesh, triangle;  ///< as in Hit
+    std::array<float, 16> u, v;
+    std::uint32_t from_behind = 0;  ///< bit i: ray i meets the side that winds clockwise
+};
+
 /// Answers visibility among a scene's triangles. Robust: no leaks at shared edges. Triangles that
 /// cannot be hit (zero area) are left out; what casts no shadow (casts_shadow() in occluders.h) is
 /// seen only by closest(). Every other triangle is met from both sides. Where alpha mode MASK cuts
@@ -40,7 +48,7 @@ struct Hit {
 ///
 /// Threads: every query may run on any number of threads at once. Whether something is hit never
 /// depends on how the tree was built; closest() may name either of two triangles that it meets at
-/// exactly the same distance.
+/// exactly the same distance, and so may closest16().
 class Tracer {
   public:
     /// The scene must outlive the tracer where alpha mode MASK reads textures.
@@ -55,6 +63,9 @@ class Tracer {
     /// Bit i set: ray i (of those set in `active`) meets an occluder.
     std::uint32_t occluded16(const DVec3& origin, const DirectionPacket& directions,
                              std::uint32_t active = 0xffff) const;
+    /// Bit i set: ray i (of those in `active`) meets an occluder, the first of which is in `hits`.
+    std::uint32_t closest16(const DVec3& origin, const DirectionPacket& directions, HitPacket& hits,
+                            std::uint32_t active = 0xffff) const;
     bool occluded(const DVec3& origin, const DVec3& direction) const;
     std::optional<Hit> closest(const DVec3& origin, const DVec3& direction) const;
 

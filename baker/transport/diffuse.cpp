@@ -40,15 +40,6 @@ constexpr int kFewestPilotRays = 48;
 /// the vertices that are baked twice.
 enum Stage : std::uint64_t { kResultTurns = 0x646966, kSecondTurns, kSampleChoice };
 
-double unoccluded_norm(int bands) {
-    double sum = 0;
-    for (int l = 0; l < bands; ++l) {
-        const double a = sh::clamped_cosine(l) / pi;
-        sum += a * a * (2 * l + 1) / (4 * pi);
-    }
-    return std::sqrt(sum);
-}
-
 int scaled_rays(double ray_count, double factor) {
     return static_cast<int>(std::clamp(ray_count * factor, 16.0, 1.0 * kMaxRays));
 }
@@ -60,9 +51,11 @@ double rays_for_variance(double factor) {
 
 class DiffuseBake {
   public:
-    DiffuseBake(const DiffuseJob& job, const Scene& scene, std::size_t mesh, const Tracer& tracer)
+    DiffuseBake(const DiffuseJob& job, const Scene& scene, std::size_t mesh, const Tracer& tracer,
+                BlockedRays* blocked)
         : job_(job),
           tracer_(tracer),
+          blocked_(blocked),
           mesh_(scene.meshes[mesh]),
           coeffs_(static_cast<std::size_t>(sh::coeff_count(job.bands))),
           points_(scene.meshes[mesh]) {}
@@ -78,10 +71,12 @@ class DiffuseBake {
     double mean_square(const CrossingError& error, std::span<const BakedTwice> baked) const;
     bool is_open(const RayOrigin& origin) const;
     Traced bake_row(std::uint32_t vertex, std::span<float> row) const;
+    std::span<std::uint16_t> masks_of(std::uint32_t vertex) const;
     double random(std::uint32_t vertex, Stage stage) const;
 
     DiffuseJob job_;
     const Tracer& tracer_;
+    BlockedRays* blocked_;
     const Mesh& mesh_;
     std::size_t coeffs_;
     SurfacePoints points_;
@@ -232,10 +227,17 @@ void DiffuseBake::choose_rays() {
     error_ = error_.scaled(set.ray_count, set_.ray_count);
 }
 
+std::span<std::uint16_t> DiffuseBake::masks_of(std::uint32_t vertex) const {
+    if (blocked_ == nullptr) return {};
+    const std::size_t packets = set_.directions.size();
+    return std::span(blocked_->masks).subspan(vertex * packets, packets);
+}
+
 Traced DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row) const {
     const RayOrigin origin = points_.origin(vertex, tracer_.space());
     if (!is_open(origin))
-        return visible_transport(set_, tracer_, origin, 2 * pi * random(vertex, kResultTurns), row);
+        return visible_transport(set_, tracer_, origin, 2 * pi * random(vertex, kResultTurns), row,
+                                 Stop::WhereSolved, masks_of(vertex));
     std::array<double, sh::coeff_count(sh::kMaxBundleBands)> exact;
     unoccluded_transport(job_.bands, origin.normal, exact);
     for (std::size_t i = 0; i < row.size(); ++i) row[i] = static_cast<float>(exact[i]);
@@ -247,6 +249,9 @@ Expected<DiffuseReport> DiffuseBake::run(
     count_copies();
     if (job_.shadowed && choose_sample()) choose_rays();
     report_.rays_per_vertex = set_.ray_count;
+    if (blocked_ != nullptr)
+        *blocked_ = {job_.seed, set_,
+                     std::vector<std::uint16_t>(points_.size() * set_.directions.size(), 0)};
     std::vector<std::uint64_t> histogram(static_cast<std::size_t>(set_.ray_count) + 1, 0);
 
     const std::size_t count = points_.size();
@@ -334,12 +339,26 @@ Expected<void> check(const DiffuseJob& job) {
 
 }  // namespace
 
+double BlockedRays::turn_rad(const SurfacePoints& points, std::uint32_t vertex,
+                             const TraceSpace& space) const {
+    return 2 * pi * RandomStream(seed, kResultTurns, points.stream(vertex, space)).next();
+}
+
 int expected_rays_per_vertex(const DiffuseJob& job) {
     if (job.rays_per_vertex > 0) return job.rays_per_vertex;
     // The Stanford bunny at 5 bands. More bands are more coefficients that carry the same error.
     constexpr double kRays = 400, kTolerance = 1e-2, kBands = 5;
     const double error = job.tolerance / kTolerance * kBands / job.bands;
     return scaled_rays(kRays, rays_for_variance(error * error));
+}
+
+double unoccluded_norm(int bands) {
+    double sum = 0;
+    for (int l = 0; l < bands; ++l) {
+        const double a = sh::clamped_cosine(l) / pi;
+        sum += a * a * (2 * l + 1) / (4 * pi);
+    }
+    return std::sqrt(sum);
 }
 
 void unoccluded_transport(int bands, const DVec3& n, std::span<double> out) {
@@ -351,9 +370,10 @@ void unoccluded_transport(int bands, const DVec3& n, std::span<double> out) {
 
 Expected<DiffuseReport> bake_diffuse(
     const DiffuseJob& job, const Scene& scene, std::size_t mesh, const Tracer& tracer,
-    const std::function<Expected<void>(std::span<const float>)>& sink, Progress& progress) {
+    const std::function<Expected<void>(std::span<const float>)>& sink, Progress& progress,
+    BlockedRays* blocked) {
     ENVBAKE_TRY_VOID(check(job));
-    return DiffuseBake(job, scene, mesh, tracer).run(sink, progress);
+    return DiffuseBake(job, scene, mesh, tracer, blocked).run(sink, progress);
 }
 
 }  // namespace envbake

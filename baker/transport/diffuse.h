@@ -5,10 +5,13 @@
 #include "baker/core/progress.h"
 #include "baker/input/scene.h"
 #include "baker/trace/tracer.h"
+#include "baker/transport/ray_origin.h"
+#include "baker/transport/ray_set.h"
 
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <vector>
 
 namespace envbake {
 
@@ -53,6 +56,23 @@ int expected_rays_per_vertex(const DiffuseJob& job);
 ///   out   [bands^2]
 void unoccluded_transport(int bands, const DVec3& n, std::span<double> out);
 
+/// |T|_2 of such a surface: the same for every n.
+double unoccluded_norm(int bands);
+
+/// Which rays of a mesh's vertices met something; for those who want to know what.
+struct BlockedRays {
+    std::uint64_t seed = 0;
+    RaySet set;                        ///< the same for each
+    std::vector<std::uint16_t> masks;  ///< [vertices, packets], bit i: ray i; of copies all 0
+
+    std::span<const std::uint16_t> of(std::uint32_t vertex) const {
+        return std::span(masks).subspan(vertex * set.directions.size(), set.directions.size());
+    }
+    /// By which the set was turned about the normal of a vertex.
+    double turn_rad(const SurfacePoints& points, std::uint32_t vertex,
+                    const TraceSpace& space) const;
+};
+
 /// Bakes "mesh/I/diffuse", [vertices, bands^2] f32:
 ///
 ///     T_i = 1/pi * integral of V(w) max(0, n.w) Y_i(w) dw
@@ -75,11 +95,13 @@ void unoccluded_transport(int bands, const DVec3& n, std::span<double> out);
 /// 32 bytes a vertex of this mesh and 12 a triangle, for its welding.
 /// `progress` counts vertices; a scene has many meshes, so who bakes them all announces the total.
 /// Deterministic for any number of threads; vertices in another order are the same rows in that
-/// order. An error of the sink ends the bake and is returned.
+/// order. An error of the sink ends the bake and is returned. `blocked` is filled where it is
+/// given, an eighth of a byte a ray.
 ///
 /// Errors:  Usage  bands, tolerance or rays_per_vertex is out of range
 Expected<DiffuseReport> bake_diffuse(
     const DiffuseJob& job, const Scene& scene, std::size_t mesh, const Tracer& tracer,
-    const std::function<Expected<void>(std::span<const float>)>& sink, Progress& progress);
+    const std::function<Expected<void>(std::span<const float>)>& sink, Progress& progress,
+    BlockedRays* blocked = nullptr);
 
 }  // namespace envbake

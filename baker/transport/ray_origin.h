@@ -60,10 +60,12 @@ class SurfacePoints {
     /// baked to the same bits.
     std::uint64_t stream(std::uint32_t representative, const TraceSpace& space) const;
 
+    /// The triangles with an area that meet at a representative, as the mesh numbers them.
+    std::span<const std::uint32_t> triangles_at(std::uint32_t representative) const;
+
   private:
     void weld();
     void collect_triangles();
-    std::span<const std::uint32_t> triangles_at(std::uint32_t representative) const;
 
     const Mesh& mesh_;
     std::vector<std::uint32_t> representative_;

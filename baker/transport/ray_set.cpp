@@ -16,6 +16,7 @@ namespace {
 using std::numbers::pi;
 
 constexpr int kPilotStride = 4;
+constexpr double kSmallSet = 320;  ///< rays
 
 /// Number k of the spiral, 0 <= k < count.
 DVec3 fibonacci_cosine_direction(int k, int count) {
@@ -46,13 +47,16 @@ void sort_into_patches(std::span<DVec3> directions) {
 }
 
 std::vector<DVec3> ordered_directions(int count, int pilot_count) {
+    const int quarter = (count + kPilotStride - 1) / kPilotStride;
+    // Where the count is no multiple of four packets, the pilot leaves one out now and then.
+    const auto is_pilot = [&](int k) {
+        return k % kPilotStride == 0 && (k / kPilotStride + 1) * pilot_count / quarter !=
+                                            k / kPilotStride * pilot_count / quarter;
+    };
     std::vector<DVec3> directions;
-    if (pilot_count > 0)
-        for (int k = 0; k < count; k += kPilotStride)
-            directions.push_back(fibonacci_cosine_direction(k, count));
-    for (int k = 0; k < count; ++k)
-        if (pilot_count == 0 || k % kPilotStride != 0)
-            directions.push_back(fibonacci_cosine_direction(k, count));
+    for (const bool pilot : {true, false})
+        for (int k = 0; k < count; ++k)
+            if (is_pilot(k) == pilot) directions.push_back(fibonacci_cosine_direction(k, count));
     const auto pilot = static_cast<std::size_t>(pilot_count);
     sort_into_patches(std::span(directions).first(pilot));
     sort_into_patches(std::span(directions).subspan(pilot));
@@ -131,12 +135,13 @@ std::vector<double> exact_weights(const std::vector<DVec3>& directions, int band
 }  // namespace
 
 RaySet make_ray_set(int ray_count, int bands, bool with_pilot) {
-    const int multiple = with_pilot ? 16 * kPilotStride : 16;
     double wanted = ray_count;
     for (;; wanted *= 1.25) {
+        // A pilot of few rays cannot spare one.
+        const int multiple = with_pilot && wanted <= kSmallSet ? 16 * kPilotStride : 16;
         const int count = std::max(1, static_cast<int>(std::ceil(wanted / multiple))) * multiple;
         if (count < sh::coeff_count(bands)) continue;
-        const int pilot_count = with_pilot ? count / kPilotStride : 0;
+        const int pilot_count = with_pilot ? count / (16 * kPilotStride) * 16 : 0;
         const std::vector<DVec3> directions = ordered_directions(count, pilot_count);
         const std::vector<double> weights = exact_weights(directions, bands);
         const double smallest = *std::min_element(weights.begin(), weights.end());

@@ -28,7 +28,8 @@ struct RaySet {
 /// The Fibonacci spiral on the disc, lifted to the hemisphere (Malley's method): density cos / pi,
 /// hence weights near 1 / N. They are the equal weights changed by as little as makes them exact
 /// (least squares). Where that leaves one negative (too few rays for so many coefficients) there
-/// are more rays than asked for: the next multiples of 16 (of 64 with a pilot) above
+/// are more rays than asked for: the next multiples of 16
+/// (of 64 for a small set with a pilot) above
 /// ray_count * 1.25^k.
 ///
 /// With a pilot every fourth ray of the spiral comes first: a spiral again, of four times the

@@ -7,6 +7,7 @@
 
 #include "envbake/runtime/sh.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
@@ -75,10 +76,11 @@ constexpr auto kProject = projections(std::make_integer_sequence<int, sh::kMaxBu
 }  // namespace
 
 Traced visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigin& origin,
-                         double turn_rad, std::span<float> row, Stop stop) {
+                         double turn_rad, std::span<float> row, Stop stop,
+                         std::span<std::uint16_t> masks_wanted) {
     const Frame frame = turned(frame_about(origin.normal), turn_rad);
     thread_local std::vector<std::uint16_t> masks;
-    masks.resize(set.directions.size());
+    masks.assign(set.directions.size(), 0);
     Traced traced;
     const auto trace = [&](std::size_t begin, std::size_t end) {
         unsigned before = 0;  // the last ray of the packet before
@@ -101,6 +103,8 @@ Traced visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigi
     traced.solved = stop == Stop::WhereSolved && traced.rays > 0 &&
                     (traced.blocked == 0 || traced.blocked == traced.rays);
     if (!traced.solved) trace(set.pilot_packets, set.directions.size());
+
+    std::copy_n(masks.begin(), masks_wanted.size(), masks_wanted.begin());
 
     std::array<double, sh::coeff_count(sh::kMaxBundleBands)> base{}, sum;
     const bool sum_blocked = 2 * traced.blocked <= traced.rays;

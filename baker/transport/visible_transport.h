@@ -5,6 +5,7 @@
 #include "baker/transport/ray_origin.h"
 #include "baker/transport/ray_set.h"
 
+#include <cstdint>
 #include <span>
 
 namespace envbake {
@@ -26,9 +27,12 @@ enum class Stop { WhereSolved, Never };
 ///
 ///   turn_rad  the set is turned about the normal by this angle
 ///   row       [set.bands^2]
+///   masks     [packets of the set] gets which rays were blocked, bit i of packet p; 0 where not
+///             traced. Empty: not wanted
 ///
 /// Threads: pure. Sums are of at most ray_count / 16 floats, then of 16 doubles.
 Traced visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigin& origin,
-                         double turn_rad, std::span<float> row, Stop stop = Stop::WhereSolved);
+                         double turn_rad, std::span<float> row, Stop stop = Stop::WhereSolved,
+                         std::span<std::uint16_t> masks = {});
 
 }  // namespace envbake

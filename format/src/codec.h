@@ -3,6 +3,7 @@
 
 #include "envbake/format/error.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -13,6 +14,18 @@
 #endif
 
 namespace envbake::format {
+
+inline constexpr std::uint64_t kAlwaysDecoded = 16u << 20, kMostRatio = 16;
+
+/// What the compressed arrays of a file of `file_size` bytes may decode to, in all: a small file
+/// cannot ask for much memory.
+constexpr std::uint64_t max_decoded_size(std::uint64_t file_size) noexcept {
+    return std::max(kAlwaysDecoded, file_size * kMostRatio);
+}
+/// The other way round: 0 where any file may.
+constexpr std::uint64_t smallest_file_for(std::uint64_t decoded_size) noexcept {
+    return decoded_size <= kAlwaysDecoded ? 0 : (decoded_size + kMostRatio - 1) / kMostRatio;
+}
 
 /// Whether the bytes begin with a zstd frame (no skippable one) whose header states `size` as that
 /// of its content. False where the build lacks zstd.

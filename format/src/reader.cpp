@@ -142,6 +142,8 @@ Expected<void> Reader::check() const noexcept {
         return Error::at(Errc::TableChecksum, kTableChecksumAt);
 
     std::string_view previous;
+    std::uint64_t decoded = 0;
+    const std::uint64_t most_decoded = max_decoded_size(size_);
     for (std::size_t i = 0; i < array_count(); ++i) {
         const ArrayInfo info = array(i);
         const Errc fault = judge_entry(table + i * kEntrySize, info, table_at);
@@ -149,6 +151,11 @@ Expected<void> Reader::check() const noexcept {
         if (fault == Errc::EntryName) return Error::at(fault, at);
         if (fault != Errc::None) return Error::at(fault, at, info.name);
         if (i > 0 && info.name <= previous) return Error::at(Errc::NameOrder, at, info.name);
+        if (info.codec != Codec::None) {
+            if (info.size > most_decoded - decoded)
+                return Error::at(Errc::DecodedSize, at, info.name);
+            decoded += info.size;
+        }
         previous = info.name;
     }
     return {};

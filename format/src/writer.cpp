@@ -2,6 +2,7 @@
 #include "envbake/format/writer.h"
 
 #include "byte_order.h"
+#include "codec.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -120,10 +121,22 @@ struct Writer::State {
     }
 #endif
 
+    std::uint64_t table_position(std::size_t table_size) const;
     std::vector<std::byte> table() const;
     std::array<std::byte, kHeaderSize> header(std::span<const std::byte> table) const;
     Expected<void> put_in_place();
 };
+
+/// Behind the arrays, and so far back that the file may ask for what its compressed arrays decode
+/// to: a hole, which takes no room on most disks.
+std::uint64_t Writer::State::table_position(std::size_t table_size) const {
+    std::uint64_t decoded = 0;
+    for (const auto& [name, entry] : entries)
+        if (entry.spec.codec != Codec::None) decoded += entry.size;
+    const std::uint64_t least = smallest_file_for(decoded);
+    return std::max(position,
+                    align_up(least - std::min<std::uint64_t>(least, table_size), kAlignment));
+}
 
 std::vector<std::byte> Writer::State::table() const {
     using namespace entry_field;
@@ -266,6 +279,9 @@ Expected<void> Writer::finish() {
     State& s = *state_;
     ENVBAKE_TRY_VOID(s.pad_to_alignment());
     const std::vector<std::byte> table = s.table();
+    s.position = s.table_position(table.size());
+    if (::lseek(s.file, static_cast<off_t>(s.position), SEEK_SET) < 0)
+        return Error::from_errno(Errc::CannotWrite);
     ENVBAKE_TRY_VOID(s.write(table));
     const auto header = s.header(table);
     if (::lseek(s.file, 0, SEEK_SET) != 0) return Error::from_errno(Errc::CannotWrite);

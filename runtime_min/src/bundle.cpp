@@ -361,6 +361,20 @@ format::Expected<void> Bundle::resolve_meshes(Arena& arena) noexcept {
             }
             mesh.diffuse.values = *values;
         }
+        const std::optional<ArrayInfo> emitted = reader_.find(Name("mesh/", i, "/emitted"));
+        if (emitted && mesh.diffuse.bands > 0) {
+            if (emitted->rank != 2 || emitted->shape[0] != mesh.vertex_count ||
+                emitted->shape[1] != 3) {
+                error = error_in(Errc::ArrayShape, *emitted);
+                return false;
+            }
+            const format::Expected<FloatView> values = place(*emitted, arena);
+            if (!values) {
+                error = values.error();
+                return false;
+            }
+            mesh.diffuse.emitted = *values;
+        }
         if (storage != nullptr) new (meshes + i) Mesh(mesh);
         ++i;
         return true;

@@ -74,13 +74,16 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
         if (channels == 1 && !transport.values.is_half) {
             const float* values = static_cast<const float*>(transport.values.data);
             out[k] = diffuse_exit(std::span(values + begin, coeff_count), lighting);
-            continue;
-        }
-        for (std::size_t i = 0; i < shared; ++i) {
-            for (std::size_t c = 0; c < 3; ++c) {
-                const std::size_t slot = channels == 3 ? 3 * i + c : i;
-                out[k][c] += transport.values[begin + slot] * lighting.coeffs[3 * i + c];
+        } else {
+            for (std::size_t i = 0; i < shared; ++i) {
+                for (std::size_t c = 0; c < 3; ++c) {
+                    const std::size_t slot = channels == 3 ? 3 * i + c : i;
+                    out[k][c] += transport.values[begin + slot] * lighting.coeffs[3 * i + c];
+                }
             }
+        }
+        if (transport.emitted.count > 0) {
+            for (std::size_t c = 0; c < 3; ++c) out[k][c] += transport.emitted[3 * (first + k) + c];
         }
     }
 }

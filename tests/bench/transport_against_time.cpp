@@ -12,6 +12,11 @@
 //          of a small mesh), the same rays traced and projected by the baker, speed = bare_ns /
 //          traced_ns. whole_ns: CPU time of a whole bake over all its rays, those of the check
 //          among them, the least of 3; share = bare_ns / whole_ns.
+// bounces
+// input,tolerance,albedo,channels,direct_s,direct_tighter_s,bounces_s,ratio,bounces,points,stated_rms,true_rms
+//          all bounces at albedo 0.5 everywhere: seconds of CPU of a direct bake, of one to the
+//          tolerance that is left for it, and of the bounces; ratio of those two to the first. The
+//          true rms is of what the bounces add, against a bake to a fifth of the tolerance.
 // scaling  input,vertices,threads,wall_s,cpu_us,bare_us
 //          one shape at 10^4 .. 10^6 vertices, 448 rays for each: microseconds a vertex
 //
@@ -19,6 +24,7 @@
 #include "baker/core/parallel.h"
 #include "baker/input/read_scene.h"
 #include "baker/transport/free_vertices.h"
+#include "baker/transport/interreflection.h"
 #include "baker/transport/visible_transport.h"
 #include "tests/bench/baked_scene.h"
 #include "tests/bench/bare_rays.h"
@@ -33,6 +39,7 @@
 #include <ctime>
 #include <filesystem>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -176,6 +183,86 @@ void measure_bare(const std::string& input, const Scene& scene, const Tracer& tr
     }
 }
 
+struct Bounced {
+    std::vector<MeshTransport> transport;
+    BounceReport report;
+    double direct_s = 0, bounces_s = 0;
+};
+std::optional<Bounced> bake_bounced(const Scene& scene, const Tracer& tracer, double tolerance,
+                                    int channels) {
+    Bounced bounced;
+    bounced.transport.resize(scene.meshes.size());
+    std::vector<BlockedRays> blocked(scene.meshes.size());
+    Progress progress;
+    const double begin = cpu_seconds();
+    for (std::size_t m = 0; m < scene.meshes.size(); ++m) {
+        std::vector<float>& kept = bounced.transport[m].rows;
+        kept.reserve(scene.meshes[m].vertex_count() * kBands * kBands *
+                     static_cast<std::size_t>(channels));
+        const auto report = bake_diffuse(
+            {.bands = kBands, .tolerance = kDirectShare * tolerance}, scene, m, tracer,
+            [&](std::span<const float> rows) -> Expected<void> {
+                for (const float value : rows)
+                    for (int c = 0; c < channels; ++c) kept.push_back(value);
+                return {};
+            },
+            progress, &blocked[m]);
+        if (!report) return std::nullopt;
+    }
+    bounced.direct_s = cpu_seconds() - begin;
+    bounced.report = add_bounces({.bands = kBands, .channels = channels, .tolerance = tolerance},
+                                 scene, tracer, blocked, bounced.transport);
+    bounced.bounces_s = cpu_seconds() - begin - bounced.direct_s;
+    return bounced;
+}
+
+void measure_bounces(const std::string& input, Scene& scene, const Tracer& tracer) {
+    for (Material& material : scene.materials) {
+        material.base_color = Vec3(0.5f);
+        material.metallic = 0;
+        material.base_color_texture.reset();
+    }
+    for (Mesh& mesh : scene.meshes) mesh.colors.clear();
+    for (const double tolerance : {1e-2, 3.5e-3}) {
+        const auto truth = bake_bounced(scene, tracer, tolerance / 5, 1);
+        if (!truth) return;
+        for (const int channels : {1, 3}) {
+            double direct_s = 1e30;
+            std::optional<Bounced> least;
+            for (int run = 0; run < 3; ++run) {
+                const double begin = cpu_seconds();
+                if (!bake_scene({.bands = kBands, .tolerance = tolerance}, scene, tracer)) return;
+                direct_s = std::min(direct_s, cpu_seconds() - begin);
+                auto bounced = bake_bounced(scene, tracer, tolerance, channels);
+                if (!bounced) return;
+                if (!least ||
+                    bounced->direct_s + bounced->bounces_s < least->direct_s + least->bounces_s)
+                    least = std::move(bounced);
+            }
+            double squares = 0;
+            std::size_t count = 0;
+            for (std::size_t m = 0; m < scene.meshes.size(); ++m) {
+                const std::vector<float>& rows = truth->transport[m].rows;
+                for (std::size_t i = 0; i < rows.size(); ++i)
+                    squares += std::pow(
+                        static_cast<double>(rows[i]) -
+                            static_cast<double>(
+                                least->transport[m].rows[i * static_cast<std::size_t>(channels)]),
+                        2);
+                count += rows.size() / (kBands * kBands);
+            }
+            const BounceReport& r = least->report;
+            std::printf("%s,%g,0.5,%d,%.3f,%.3f,%.3f,%.3f,%d,%.1f,%.3e,%.3e\n", input.c_str(),
+                        tolerance, channels, direct_s, least->direct_s, least->bounces_s,
+                        (least->direct_s + least->bounces_s) / direct_s, r.bounces,
+                        static_cast<double>(r.point_count) / static_cast<double>(count),
+                        r.error_rms,
+                        std::sqrt(squares / static_cast<double>(count)) / unoccluded_norm(kBands));
+            std::fflush(stdout);
+        }
+    }
+}
+
 /// A ball with bumps and dents of a tenth of its radius, level subdivisions of an octahedron.
 Mesh bumpy_ball(int level) {
     Mesh mesh = test::sphere({0, 0, 0}, 1, level);
@@ -248,15 +335,20 @@ int main(int argc, char** argv) {
         std::puts("stage,input,method,setting,cpu_s,worst,rms,energy");
     } else if (what == "bare") {
         std::puts("input,tolerance,bare_ns,traced_ns,speed,whole_ns,share");
+    } else if (what == "bounces") {
+        std::puts(
+            "input,tolerance,albedo,channels,direct_s,direct_tighter_s,bounces_s,ratio,bounces,"
+            "points,"
+            "stated_rms,true_rms");
     } else {
-        std::fprintf(stderr, "transport_against_time ladder|bare|scaling [SCENE...]\n");
+        std::fprintf(stderr, "transport_against_time ladder|bare|bounces|scaling [SCENE...]\n");
         return 2;
     }
     std::vector<std::string> names(argv + 2, argv + argc);
     if (names.empty())
         names = {"stanford_bunny", "shader_ball", "dungeon_hall", "japanese_bridge_garden"};
     for (const std::string& name : names) {
-        const auto scene =
+        auto scene =
             read_scene(std::filesystem::path(ENVBAKE_TEST_DATA) / "meshes" / (name + ".glb"),
                        {.textures = false});
         if (!scene) {
@@ -268,6 +360,8 @@ int main(int argc, char** argv) {
             std::fprintf(stderr, "%s\n", tracer.error().message.c_str());
             return 1;
         }
-        (what == "ladder" ? bench::measure_ladder : bench::measure_bare)(name, *scene, *tracer);
+        if (what == "ladder") bench::measure_ladder(name, *scene, *tracer);
+        if (what == "bare") bench::measure_bare(name, *scene, *tracer);
+        if (what == "bounces") bench::measure_bounces(name, *scene, *tracer);
     }
 }

@@ -125,6 +125,35 @@ TEST_F(Commands, MemoryDoesNotChangeAByte) {
     EXPECT_EQ(envbake(bake_arguments({"--memory", "-1"})).status, 2);
 }
 
+TEST_F(Commands, BouncesAddLightAndAreTheSameOnAnyNumberOfThreads) {
+    bake({"--bounces", "all", "--threads", "1"});
+    const std::string all = read_file(bundle_);
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
+    json d = dump();
+    EXPECT_GE(d["metadata"]["bounces"]["count"], 1);
+    EXPECT_GT(d["metadata"]["bounces"]["points"], 0);
+    EXPECT_EQ(d["metadata"]["options"]["bounces"], "all");
+    bake({"--bounces", "all", "--threads", "2", "--force"});
+    EXPECT_TRUE(read_file(bundle_) == all);
+    const auto mean = [](const json& bundle) {
+        for (const json& array : bundle["arrays"])
+            if (array["name"] == "selftest/diffuse/value") return array["mean"].get<double>();
+        return 0.0;
+    };
+    bake();
+    const double direct = mean(dump());
+    EXPECT_GT(mean(d), 1.001 * direct);
+    EXPECT_FALSE(dump()["metadata"].contains("bounces"));
+    bake({"--bounces", "1"});
+    EXPECT_EQ(dump()["metadata"]["bounces"]["count"], 1);
+    EXPECT_GT(mean(dump()), 1.001 * direct);
+    EXPECT_LE(mean(dump()), 1.001 * mean(d));
+    for (const char* bad : {"-1", "some", "1.5", ""})
+        EXPECT_EQ(envbake(bake_arguments({"--bounces", bad})).status, 2) << bad;
+    const Outcome plan = envbake({"plan", scene_, "--bounces", "all"});
+    EXPECT_NE(plan.out.find("all of them"), std::string::npos) << plan.out;
+}
+
 TEST_F(Commands, WhatIsUpToDateIsLeftAlone) {
     bake();
     const auto time = fs::last_write_time(bundle_);

@@ -41,9 +41,9 @@ TEST_F(PythonReader, ReadsWhatExtractGives) {
     const std::string scene = write_small_scene(folder_.path()).string();
     const std::string sky = write_small_sky(folder_ / "sky.hdr").string();
     const std::string bundle = (folder_ / "scene.envb").string();
-    const Outcome baked =
-        envbake({"bake", scene, "--env", sky, "-o", bundle, "--mip-size", "16", "--mip-count", "3",
-                 "--table-size", "16", "--irradiance", "--unshadowed", "--half-tables"});
+    const Outcome baked = envbake({"bake", scene, "--env", sky, "-o", bundle, "--mip-size", "16",
+                                   "--mip-count", "3", "--table-size", "16", "--irradiance",
+                                   "--unshadowed", "--half-tables", "--bounces", "all"});
     ASSERT_EQ(baked.status, 0) << baked.err;
 
     const auto reader = format::Reader::open(bundle.c_str());
@@ -79,7 +79,8 @@ TEST_F(PythonReader, ReadsWhatExtractGives) {
 std::string small_bundle(const std::string& path) {
     auto writer = format::Writer::create(path);
     EXPECT_TRUE(writer);
-    for (const std::size_t size : {0, 1, 3, 8, 16, 17, 128, 129, 240, 241, 1025, 4000}) {
+    constexpr std::size_t kSizes[] = {0, 1, 3, 8, 16, 17, 128, 129, 240, 241, 1025, 4000};
+    for (const std::size_t size : kSizes) {
         std::vector<std::uint8_t> values(size);
         for (std::size_t i = 0; i < size; ++i) values[i] = static_cast<std::uint8_t>(i * 37 + size);
         std::ostringstream name;

@@ -126,6 +126,26 @@ TEST_F(Bundle, CompressedArraysDecodeToTheSameBytesAndAreNoViews) {
               Errc::BufferSize);
 }
 
+// What compresses a thousand times makes the file as long as it must be to ask for it back.
+TEST_F(Bundle, ASmallFileAsksForLittleMemory) {
+    const std::vector<float> zeros(10u << 20, 0.0f);
+    {
+        auto writer = Writer::create(path_);
+        ASSERT_TRUE(writer);
+        ASSERT_TRUE(writer->add<float>("a", {zeros.size()}, zeros, Codec::Zstd));
+        ASSERT_TRUE(writer->add<float>("b", {zeros.size()}, zeros, Codec::Zstd));
+        ASSERT_TRUE(writer->finish());
+    }
+    const auto reader = Reader::open(path_.c_str());
+    ASSERT_TRUE(reader);
+    EXPECT_LT(reader->find("a")->stored_size + reader->find("b")->stored_size, 100'000u);
+    EXPECT_GE(reader->file().size() * 16, zeros.size() * 8);
+    EXPECT_LT(reader->file().size() * 16, zeros.size() * 8 + 4096);
+    std::vector<float> back(zeros.size(), 1.0f);
+    ASSERT_TRUE(reader->read(*reader->find("b"), std::as_writable_bytes(std::span(back))));
+    EXPECT_EQ(back, zeros);
+}
+
 TEST_F(Bundle, StreamedAndWholeArraysGiveTheSameBytes) {
     std::vector<float> values(5000);
     std::iota(values.begin(), values.end(), 0.0f);
@@ -271,6 +291,16 @@ TEST_F(Bundle, EveryFieldHasItsOwnRefusal) {
         {Errc::EntryBounds, [&](Bytes& b) { b.put<std::uint64_t>(table + 96 + 64, 0); }},
         {Errc::EntryBounds, [&](Bytes& b) { b.put<std::uint64_t>(table + 96 + 64, table); }},
         {Errc::EntryBounds, [&](Bytes& b) { b.put(table + 96 + 64, huge - 63); }},
+        {Errc::DecodedSize,
+         [&](Bytes& b) {
+             const std::uint64_t too_much = (16u << 20) + 1;
+             b.put<std::uint8_t>(table + 96 + 6, 2);
+             b.put<std::uint8_t>(table + 96 + 7, 1);
+             b.put<std::uint8_t>(table + 96 + 8, 1);
+             b.put(table + 96 + 16, too_much);
+             for (std::size_t axis = 1; axis < 6; ++axis) b.put(table + 96 + 16 + 8 * axis, 0ull);
+             b.put(table + 96 + 80, too_much);
+         }},
         {Errc::NameOrder,
          [&](Bytes& b) {
              b.put<std::uint32_t>(table + 96, b.get<std::uint32_t>(table));

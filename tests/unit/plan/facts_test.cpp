@@ -83,6 +83,32 @@ TEST(MaterialFacts, FactorsAlone) {
     EXPECT_EQ(facts.max_diffuse_albedo, 0);
 }
 
+TEST(MaterialFacts, GreyIsOfEveryFactor) {
+    Material material;
+    material.base_color = Vec3(0.5f);
+    material.metallic = 0;
+    material.base_color_texture = Texture{};
+    Scene scene = scene_with(material);
+    scene.images.push_back({"grey", 2, 1, {7, 7, 7, 1, 200, 200, 200, 255}});
+    scene.meshes.resize(1);
+    scene.meshes[0].colors = {Vec4(0.3f, 0.3f, 0.3f, 1)};
+    EXPECT_TRUE(collect_material_facts(scene)[0].grey_albedo);
+    scene.images[0].rgba[5] = 201;
+    EXPECT_FALSE(collect_material_facts(scene)[0].grey_albedo);
+    scene.images[0].rgba[5] = 200;
+    scene.meshes[0].colors[0].z = 0.31f;
+    EXPECT_FALSE(collect_material_facts(scene)[0].grey_albedo);
+    scene.meshes[0].colors.clear();
+    scene.images[0].rgba.clear();
+    EXPECT_FALSE(collect_material_facts(scene)[0].grey_albedo) << "not decoded: nobody knows";
+    scene.materials[0].base_color_texture.reset();
+    EXPECT_TRUE(collect_material_facts(scene)[0].grey_albedo);
+    scene.materials[0].base_color.y = 0.6f;
+    EXPECT_FALSE(collect_material_facts(scene)[0].grey_albedo);
+    scene.materials[0].metallic = 1;
+    EXPECT_TRUE(collect_material_facts(scene)[0].grey_albedo) << "a metal has none";
+}
+
 TEST(MaterialFacts, TexturesWidenTheRange) {
     Material material;
     material.metallic_roughness_texture = Texture{};

@@ -88,6 +88,49 @@ TEST(Plan, MarkedMeshes) {
     EXPECT_EQ(stage(plan, "mesh/2/diffuse").reason.find("marked"), std::string::npos);
 }
 
+TEST(Plan, BouncesWhereTheyAreAskedForAndCanBeSeen) {
+    BakeFacts facts = facts_of({dielectric(0.5f), metal(0.5f)});
+    BakeRequest request;
+    EXPECT_EQ(stage(plan_of(facts, request), "bounces").reason, "not asked for");
+    const auto diffuse = [](const BakePlan& plan) {
+        return std::get<PlannedDiffuse>(*stage(plan, "mesh/0/diffuse").job);
+    };
+    EXPECT_FALSE(diffuse(plan_of(facts, request)).bounces);
+
+    request.bounces = 3;
+    BakePlan plan = plan_of(facts, request);
+    BounceJob job = std::get<PlannedBounces>(*stage(plan, "bounces").job).job;
+    EXPECT_EQ(job.bounces, 3);
+    EXPECT_EQ(job.channels, 1);
+    EXPECT_FALSE(job.emission);
+    EXPECT_TRUE(diffuse(plan).bounces);
+    EXPECT_LT(diffuse(plan).job.tolerance, request.tolerance);
+    const std::uint64_t grey_bytes = plan.output_bytes;
+
+    facts.materials[1].grey_albedo = false;  // a metal, which has no transport
+    EXPECT_EQ(plan_of(facts, request).output_bytes, grey_bytes);
+    facts.materials[0].grey_albedo = false;
+    facts.materials[1].max_emission = 2;
+    plan = plan_of(facts, request);
+    job = std::get<PlannedBounces>(*stage(plan, "bounces").job).job;
+    EXPECT_EQ(job.channels, 3);
+    EXPECT_TRUE(job.emission);
+    EXPECT_TRUE(stage(plan, "mesh/0/emitted").job);
+    EXPECT_EQ(plan.output_bytes, grey_bytes + 1000 * 4 * (2 * 25 + 3));
+
+    facts.materials[1].max_emission = 0;
+    facts.materials[0].max_diffuse_albedo = 1e-4f;
+    plan = plan_of(facts, request);
+    EXPECT_FALSE(stage(plan, "bounces").job);
+    EXPECT_NE(stage(plan, "bounces").reason.find("no albedo x form factor"), std::string::npos);
+    EXPECT_FALSE(diffuse(plan).bounces);
+    facts.materials[0].max_diffuse_albedo = 0.9f;
+    facts.meshes[0].free_vertex_count = facts.meshes[0].vertex_count;
+    EXPECT_EQ(stage(plan_of(facts, request), "bounces").reason, "no vertex sees a surface");
+    facts.meshes[0].receives = false;
+    EXPECT_EQ(stage(plan_of(facts, request), "bounces").reason, "no mesh has transport");
+}
+
 TEST(Plan, NoSceneMeansAllLightingAndNoTransport) {
     BakeFacts facts;
     facts.environment = sky();

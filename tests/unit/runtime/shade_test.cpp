@@ -155,6 +155,16 @@ TEST(DiffuseExit, IsTheSumForEveryLayout) {
                     }
                 }
                 EXPECT_EQ(out[3], (Rgb{}));  // past the last vertex
+                std::vector<float> emitted(3 * kVertices);
+                for (std::size_t i = 0; i < emitted.size(); ++i) emitted[i] = 1 + float(i);
+                const std::vector<Rgb> reflected = out;
+                transport.emitted = {emitted.data(), emitted.size(), false};
+                diffuse_exit(transport, view(coeffs, 4), 2, out);
+                for (std::size_t k = 0; k < 3; ++k)
+                    for (std::size_t c = 0; c < 3; ++c)
+                        EXPECT_NEAR(out[k][c], reflected[k][c] + emitted[3 * (2 + k) + c], 1e-5);
+                EXPECT_EQ(out[3], (Rgb{}));
+                transport.emitted = {};
                 diffuse_exit(transport, view(coeffs, 4),
                              std::numeric_limits<std::uint64_t>::max() - 1, out);
                 EXPECT_EQ(out[0], (Rgb{}));

@@ -52,7 +52,7 @@ Baked bake(const Scene& scene, const DiffuseJob& job = {}, std::size_t mesh = 0)
                                         report->free_count + report->traced_count);
     const auto all = static_cast<std::uint64_t>(report->rays_per_vertex);
     EXPECT_EQ(report->ray_count, (report->traced_count - report->solved_count) * all +
-                                     report->solved_count * (all / 4));
+                                     report->solved_count * (all / 64 * 16));
     if (job.rays_per_vertex > 0) {
         EXPECT_EQ(report->solved_count, 0u);
     }

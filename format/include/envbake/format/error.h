@@ -33,6 +33,7 @@ enum class Errc : std::uint16_t {
     EntryShape = 26,   ///< unused axes are not 0, or the product overflows
     EntrySize = 27,    ///< size is not that of the shape, or stored_size contradicts the codec
     EntryBounds = 28,  ///< outside the file's array section, or not 64-byte aligned
+    DecodedSize = 29,  ///< compressed arrays decode to more than a file of this size may ask for
     ArrayChecksum = 30,
     ArrayDecode = 31,   ///< zstd refuses the stored bytes, or they decode to another size
     PaddingBytes = 32,  ///< bytes between arrays are not 0

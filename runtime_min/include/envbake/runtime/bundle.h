@@ -80,12 +80,15 @@ struct BrdfTableView {
     FloatView average_albedo;  ///< [rows]: 2 integral of (A + B) n.v d(n.v); count 0: none
 };
 
-/// "mesh/I/diffuse": a row of bands^2 numbers a vertex, times channels where light bounces.
+/// "mesh/I/diffuse": a row of bands^2 numbers a vertex, times channels where light bounces; and
+/// "mesh/I/emitted".
 struct TransportView {
     std::uint64_t vertex_count = 0;
     int bands = 0;     ///< 1 .. 10; 0: this mesh has none
     int channels = 1;  ///< 1: the same for red, green, blue; 3: [bands^2, 3] a vertex
     FloatView values;
+    FloatView
+        emitted;  ///< [vertex_count, 3]: what shining surfaces send, W sr^-1 m^-2; count 0: none
 };
 
 /// A (node, primitive) pair of the default scene, depth first, in file order.

@@ -30,7 +30,8 @@ namespace envbake::runtime {
 ///   row   [bands^2] of one vertex's transport
 [[nodiscard]] Rgb diffuse_exit(std::span<const float> row, const ShLightingView& lighting) noexcept;
 
-/// The same for `out.size()` vertices from `first` on, of 1 or 3 transport channels. Vertices past
+/// The same for `out.size()` vertices from `first` on, of 1 or 3 transport channels, and with what
+/// they get from shining surfaces. Vertices past
 /// the end of the transport, and every vertex of a mesh without transport, get 0.
 void diffuse_exit(const TransportView& transport, const ShLightingView& lighting,
                   std::uint64_t first, std::span<Rgb> out) noexcept;

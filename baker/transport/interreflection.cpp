@@ -1,0 +1,413 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/transport/interreflection.h"
+
+#include "baker/core/parallel.h"
+#include "baker/core/random.h"
+#include "baker/transport/diffuse.h"
+#include "baker/transport/seen_surfaces.h"
+
+#include "envbake/runtime/sh.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+namespace envbake {
+
+namespace {
+
+constexpr std::uint64_t kSampleChoice = 0x626f756e;  // random stream
+
+constexpr std::size_t kBlock = 64;  ///< places of one call of a parallel loop
+constexpr std::size_t kLanes = kFloatLanes;
+/// Shares of the tolerance. What the few rays err adds to the direct error by squares, what is left
+/// out adds as it is.
+constexpr double kRaysShare = 0.36, kLeftOutShare = 0.03;
+constexpr double kPilotRays = 64, kFewestRays = 8;  ///< blocked or not
+/// Rays halfway between others are wrong where those are right. Measured: 0.7 to 0.85.
+constexpr double kApart = 0.8;
+/// The error falls with the number of rays N as N^-kRaysExponent.
+constexpr double kRaysExponent = 0.7;
+constexpr int kMostBounces = 1000;
+/// T_00 / Y_00 of an open place is 1 but for rounding.
+constexpr double kLeastBlocked = 1e-6;
+
+/// Something that light carries, of one channel: a coefficient, or emission.
+struct Column {
+    std::size_t coeff;  ///< kEmission: no coefficient
+    std::size_t channel;
+    static constexpr std::size_t kEmission = static_cast<std::size_t>(-1);
+};
+
+double square(double x) {
+    return x * x;
+}
+
+/// What one more bounce tells of the columns that are nowhere negative.
+struct Growth {
+    static constexpr std::size_t kMost = 4;  ///< columns: T_00 and three of emission
+    std::array<double, kMost> ratio{};       ///< max over places of next / term
+    std::array<double, kMost> largest{};     ///< of next
+    std::array<double, kMost> squares{};     ///< sum of next^2
+    std::array<double, kMost> signal{};      ///< sum of sum^2
+
+    void append(const Growth& other) {
+        for (std::size_t k = 0; k < kMost; ++k) {
+            ratio[k] = std::max(ratio[k], other.ratio[k]);
+            largest[k] = std::max(largest[k], other.largest[k]);
+            squares[k] += other.squares[k];
+            signal[k] += other.signal[k];
+        }
+    }
+    /// Bound on the rms of all that comes after `next`.
+    ///   q  largest row sum of A
+    double tail(std::size_t k, double count, double q) const {
+        if (squares[k] == 0) return 0;
+        const double s = ratio[k];  // inf where light comes for the first time
+        const double by_ratio = s < 1 ? std::sqrt(squares[k] / count) * s / (1 - s) : HUGE_VAL;
+        const double by_row_sum = q < 1 ? largest[k] * q / (1 - q) : HUGE_VAL;
+        return std::min(by_ratio, by_row_sum);
+    }
+};
+
+class Interreflection {
+  public:
+    Interreflection(const BounceJob& job, const Scene& scene, const Tracer& tracer,
+                    std::span<const BlockedRays> blocked, std::span<MeshTransport> transport)
+        : job_(job),
+          scene_(scene),
+          tracer_(tracer),
+          blocked_(blocked),
+          transport_(transport),
+          coeffs_(static_cast<std::size_t>(sh::coeff_count(job.bands))),
+          channels_(static_cast<std::size_t>(job.channels)),
+          places_(scene, with_transport(transport)) {}
+
+    BounceReport run();
+
+  private:
+    static std::vector<bool> with_transport(std::span<const MeshTransport> transport) {
+        std::vector<bool> has;
+        for (const MeshTransport& mesh : transport) has.push_back(!mesh.rows.empty());
+        return has;
+    }
+
+    float* value_at(std::size_t number, const Column& column) {
+        const auto [mesh, vertex] = places_.places[number];
+        MeshTransport& of = transport_[mesh];
+        return column.coeff == Column::kEmission
+                   ? &of.emitted[3 * std::size_t{vertex} + column.channel]
+                   : &of.rows[(vertex * coeffs_ + column.coeff) * channels_ + column.channel];
+    }
+    float blocked_share(std::size_t number);
+    void choose_sample();
+    SeenSurfaces gather(std::span<const std::uint32_t> chosen, double stride, double offset,
+                        SeenSurfaces::Rays rays);
+    double growth_of_error(const SeenSurfaces& of_sample) const;
+    double error_at(double stride);
+    double choose_stride();
+    std::vector<Column> columns_of(std::size_t channel) const;
+    void load(std::span<const Column> columns, std::vector<Float16>& lanes);
+    int series(std::size_t channel, std::span<const Column> columns, int bounce_count,
+               std::size_t tested, const std::function<bool(const Growth&)>& ends,
+               std::vector<Float16>& sum);
+    void judge(std::size_t channel, std::span<const Column> columns, std::span<const Float16> sum);
+    void solve(std::size_t channel);
+    void fill_copies();
+
+    const BounceJob& job_;
+    const Scene& scene_;
+    const Tracer& tracer_;
+    std::span<const BlockedRays> blocked_;
+    std::span<MeshTransport> transport_;
+    std::size_t coeffs_, channels_;
+    ScenePlaces places_;
+    std::vector<std::uint32_t> sample_;  ///< places
+    std::vector<double> square_errors_;  ///< of the sample, summed over columns
+    double emitted_error_ = 0, emitted_signal_ = 0;
+    std::optional<SeenSurfaces> seen_;   ///< by all places
+    std::optional<SeenSurfaces> again_;  ///< by the sample, with other rays
+    BounceReport report_;
+};
+
+float Interreflection::blocked_share(std::size_t number) {
+    static const double kOpen = 1 / std::sqrt(4 * std::numbers::pi);
+    const double blocked = 1 - static_cast<double>(*value_at(number, {0, 0})) / kOpen;
+    return blocked > kLeastBlocked ? static_cast<float>(std::min(blocked, 1.0)) : 0.0f;
+}
+
+/// At random, but by where they are: their order in the file does not matter.
+void Interreflection::choose_sample() {
+    std::vector<std::pair<double, std::uint32_t>> order;
+    for (std::uint32_t p = 0; p < places_.places.size(); ++p) {
+        const auto [mesh, vertex] = places_.places[p];
+        order.emplace_back(RandomStream(job_.seed, kSampleChoice,
+                                        places_.surfaces[mesh].stream(vertex, tracer_.space()))
+                               .next(),
+                           p);
+    }
+    const std::size_t count =
+        std::min(order.size(), std::clamp<std::size_t>(order.size() / 64, 64, 512));
+    std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count),
+                      order.end());
+    for (std::size_t i = 0; i < count; ++i) sample_.push_back(order[i].second);
+}
+
+SeenSurfaces Interreflection::gather(std::span<const std::uint32_t> chosen, double stride,
+                                     double offset, SeenSurfaces::Rays rays) {
+    std::vector<float> shares;
+    for (const std::uint32_t p : chosen) shares.push_back(blocked_share(p));
+    return SeenSurfaces(scene_, tracer_, places_, blocked_, chosen, std::move(shares), stride,
+                        offset, rays);
+}
+
+/// What the squares of errors are multiplied by since light errs again at each bounce: 1 and the
+/// mean squared reflectance.
+double Interreflection::growth_of_error(const SeenSurfaces& of_sample) const {
+    double sum = 0, count = 0;
+    for (std::size_t c = 0; c < channels_; ++c)
+        for (std::size_t i = 0; i < of_sample.row_count(); ++i, ++count)
+            sum += square(of_sample.reflectance(i, static_cast<int>(c)));
+    return 1 + (job_.bounces == 1 ? 0 : sum / count);
+}
+
+/// Error of all bounces where every `stride`-th ray is followed, by the first one to the sample:
+/// what those rays bring against what those bring that are halfway between them.
+double Interreflection::error_at(double stride) {
+    const SeenSurfaces first = gather(sample_, stride, 0, SeenSurfaces::Rays::OfTheDirectBake);
+    const SeenSurfaces second = gather(sample_, stride, 0.5, SeenSurfaces::Rays::OfTheDirectBake);
+    double squares = 0;
+    for (std::size_t c = 0; c < channels_; ++c) {
+        const auto channel = static_cast<int>(c);
+        std::vector<Float16> lanes;
+        for (std::size_t begin = 0; begin < coeffs_; begin += kLanes) {
+            std::vector<Column> columns;
+            for (std::size_t i = begin; i < std::min(begin + kLanes, coeffs_); ++i)
+                columns.push_back({i, c});
+            load(columns, lanes);
+            for (std::size_t i = 0; i < sample_.size(); ++i) {
+                const Float16 difference =
+                    first.reflected(i, channel, lanes) - second.reflected(i, channel, lanes);
+                for (std::size_t k = 0; k < columns.size(); ++k)
+                    squares += square(static_cast<double>(difference[k])) / 2;
+            }
+        }
+    }
+    const auto count = static_cast<double>(sample_.size() * channels_);
+    return kApart * std::sqrt(squares / count * growth_of_error(first)) /
+           unoccluded_norm(job_.bands);
+}
+
+/// Twice, for the law of the error is a rough one.
+double Interreflection::choose_stride() {
+    if (job_.emission) return 1;  // lamps are small: every ray counts
+    double rays = 0;
+    for (const std::uint32_t p : sample_) rays += blocked_[places_.places[p].mesh].set.ray_count;
+    rays /= static_cast<double>(sample_.size());
+    double stride = rays / kPilotRays;
+    for (int round = 0; round < 2; ++round) {
+        stride = std::max(stride, 2.0);  // of two that follow every ray there is no difference
+        stride *= std::pow(kRaysShare * job_.tolerance / error_at(stride), 1 / kRaysExponent);
+        stride = std::clamp(stride, 1.0, std::max(1.0, rays / kFewestRays));
+    }
+    return stride;
+}
+
+/// Those that nothing makes negative come first: they tell when the series may end.
+std::vector<Column> Interreflection::columns_of(std::size_t channel) const {
+    std::vector<Column> columns{{0, channel}};
+    if (job_.emission) {
+        for (std::size_t c = 0; c < 3; ++c)
+            if (channels_ == 1 || c == channel) columns.push_back({Column::kEmission, c});
+    }
+    for (std::size_t i = 1; i < coeffs_; ++i) columns.push_back({i, channel});
+    return columns;
+}
+
+void Interreflection::load(std::span<const Column> columns, std::vector<Float16>& lanes) {
+    lanes.assign(places_.places.size(), Float16{});
+    parallel_for((lanes.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
+        const std::size_t end = std::min((block + 1) * kBlock, lanes.size());
+        for (std::size_t p = block * kBlock; p < end; ++p)
+            for (std::size_t k = 0; k < columns.size(); ++k) lanes[p][k] = *value_at(p, columns[k]);
+    });
+}
+
+/// The sum of the series in sixteen columns, over places.
+///   bounce_count  it goes on for so many, at most
+///   ends          is told after each bounce how the first `tested` columns grow, and ends it
+int Interreflection::series(std::size_t channel, std::span<const Column> columns, int bounce_count,
+                            std::size_t tested, const std::function<bool(const Growth&)>& ends,
+                            std::vector<Float16>& sum) {
+    std::vector<Float16> term;
+    load(columns, term);
+    sum = term;
+    std::vector<Float16> next(term.size());
+    std::vector<Growth> growths((term.size() + kBlock - 1) / kBlock);
+    report_.memory_bytes =
+        std::max(report_.memory_bytes, seen_->bytes() + 3 * term.size() * sizeof(Float16));
+    for (int bounce = 1; bounce <= bounce_count; ++bounce) {
+        parallel_for(growths.size(), [&](std::size_t block) {
+            Growth growth;
+            const std::size_t end = std::min((block + 1) * kBlock, term.size());
+            for (std::size_t p = block * kBlock; p < end; ++p) {
+                next[p] = seen_->reflected(p, static_cast<int>(channel), term);
+                sum[p] += next[p];
+                for (std::size_t k = 0; k < tested; ++k) {
+                    const double now = static_cast<double>(next[p][k]);
+                    growth.largest[k] = std::max(growth.largest[k], now);
+                    growth.squares[k] += square(now);
+                    growth.signal[k] += square(static_cast<double>(sum[p][k]));
+                    if (now > 0)
+                        growth.ratio[k] =
+                            std::max(growth.ratio[k], now / static_cast<double>(term[p][k]));
+                }
+            }
+            growths[block] = growth;
+        });
+        std::swap(term, next);
+        Growth growth;
+        for (const Growth& of_block : growths) growth.append(of_block);
+        if (ends(growth)) return bounce;
+    }
+    return bounce_count;
+}
+
+/// Adds the errors of sixteen columns: what other rays would have brought to the sample, given the
+/// same light everywhere else.
+void Interreflection::judge(std::size_t channel, std::span<const Column> columns,
+                            std::span<const Float16> sum) {
+    for (std::size_t i = 0; i < sample_.size(); ++i) {
+        const std::uint32_t p = sample_[i];
+        const Float16 difference = seen_->reflected(p, static_cast<int>(channel), sum) -
+                                   again_->reflected(i, static_cast<int>(channel), sum);
+        for (std::size_t k = 0; k < columns.size(); ++k) {
+            const double d = static_cast<double>(difference[k]);
+            if (columns[k].coeff != Column::kEmission) {
+                square_errors_[i] += square(d) / (2 * static_cast<double>(channels_));
+            } else {
+                const auto c = static_cast<int>(columns[k].channel);
+                const double directly = static_cast<double>(seen_->emitted(p)[c]) -
+                                        static_cast<double>(again_->emitted(i)[c]);
+                emitted_error_ += square(d + directly) / 2;
+                emitted_signal_ += square(static_cast<double>(sum[p][k]));
+            }
+        }
+    }
+}
+
+/// One channel, sixteen columns at a time. The first sixteen tell the number of bounces.
+void Interreflection::solve(std::size_t channel) {
+    const std::vector<Column> columns = columns_of(channel);
+    const std::size_t tested = job_.emission ? (channels_ == 1 ? 4 : 2) : 1;
+    double q = 0;
+    for (std::size_t p = 0; p < places_.places.size(); ++p)
+        q = std::max(q, seen_->reflectance(p, static_cast<int>(channel)));
+    const auto count = static_cast<double>(places_.places.size());
+    const double norm = unoccluded_norm(job_.bands);
+    double left_out = 0, shrink = 0;
+    const auto ends = [&](const Growth& growth) {
+        left_out = job_.bands * growth.tail(0, count, q) / norm;
+        shrink = std::min(growth.ratio[0], q);
+        bool small = left_out <= kLeftOutShare * job_.tolerance;
+        for (std::size_t k = 1; k < tested; ++k)
+            small = small && growth.tail(k, count, q) <= kLeftOutShare * job_.tolerance *
+                                                             std::sqrt(growth.signal[k] / count);
+        return small;
+    };
+    int bounces = std::min(job_.bounces, kMostBounces);
+    std::vector<Float16> sum;
+    for (std::size_t first = 0; first < columns.size(); first += kLanes) {
+        const auto some =
+            std::span(columns).subspan(first, std::min(kLanes, columns.size() - first));
+        if (first == 0)
+            bounces = series(channel, some, bounces, tested, ends, sum);
+        else
+            series(
+                channel, some, bounces, 0, [](const Growth&) { return false; }, sum);
+        judge(channel, some, sum);
+        for (std::size_t p = 0; p < sum.size(); ++p)
+            for (std::size_t k = 0; k < some.size(); ++k) *value_at(p, some[k]) = sum[p][k];
+    }
+    report_.bounces = std::max(report_.bounces, bounces);
+    report_.left_out = std::max(report_.left_out, left_out);
+    report_.shrink = std::max(report_.shrink, shrink);
+}
+
+void Interreflection::fill_copies() {
+    for (std::size_t m = 0; m < transport_.size(); ++m) {
+        MeshTransport& mesh = transport_[m];
+        if (mesh.rows.empty()) continue;
+        for (std::size_t v = 0; v < places_.numbers[m].size(); ++v) {
+            const std::uint32_t first = places_.surfaces[m].representative(v);
+            if (first == v || first == ScenePlaces::kNone) continue;
+            const auto copy = [&](std::vector<float>& values, std::size_t size) {
+                const auto from = values.begin() + static_cast<std::ptrdiff_t>(first * size);
+                std::copy_n(from, size, values.begin() + static_cast<std::ptrdiff_t>(v * size));
+            };
+            copy(mesh.rows, coeffs_ * channels_);
+            if (job_.emission) copy(mesh.emitted, 3);
+        }
+    }
+}
+
+BounceReport Interreflection::run() {
+    const std::size_t count = places_.places.size();
+    if (count == 0) return report_;
+    choose_sample();
+    const double stride = job_.stride > 0 ? job_.stride : choose_stride();
+    std::vector<std::uint32_t> all(count);
+    std::iota(all.begin(), all.end(), 0u);
+    seen_.emplace(gather(all, stride, 0, SeenSurfaces::Rays::OfTheDirectBake));
+    again_.emplace(gather(sample_, stride, 0, SeenSurfaces::Rays::New));
+    report_.stride = stride;
+    report_.point_count = seen_->point_count();
+    report_.black_back_count = seen_->black_back_count();
+
+    if (job_.emission)
+        for (std::size_t p = 0; p < count; ++p)
+            for (std::size_t c = 0; c < 3; ++c)
+                *value_at(p, {Column::kEmission, c}) = seen_->emitted(p)[static_cast<int>(c)];
+    square_errors_.assign(sample_.size(), 0);
+    for (std::size_t c = 0; c < channels_; ++c) solve(c);
+    fill_copies();
+
+    // Two standard errors are added: single vertices scatter about the mean square by 0.85 of it.
+    const double factor =
+        growth_of_error(*again_) * (1 + 2 * 0.85 / std::sqrt(static_cast<double>(sample_.size())));
+    const double norm = unoccluded_norm(job_.bands);
+    std::vector<double> errors;
+    double sum = 0;
+    for (const double e : square_errors_) {
+        sum += e * factor;
+        errors.push_back(std::sqrt(e * factor) / norm);
+    }
+    std::sort(errors.begin(), errors.end());
+    report_.error_rms = std::sqrt(sum / static_cast<double>(sample_.size())) / norm;
+    report_.error_p999 = errors[errors.size() - 1 - errors.size() / 1000];
+    if (emitted_signal_ > 0)
+        report_.emitted_error_rms = std::sqrt(emitted_error_ / emitted_signal_);
+    return report_;
+}
+
+}  // namespace
+
+double most_from_bounces(double max_albedo, double blocked_share, int bands) {
+    if (blocked_share == 0 || max_albedo == 0) return 0;
+    if (max_albedo >= 1) return HUGE_VAL;
+    // |T|_2 <= bands T_00 for any light from anywhere, and T_00 <= Y_00.
+    const double most = bands / std::sqrt(4 * std::numbers::pi) / unoccluded_norm(bands);
+    return max_albedo / (1 - max_albedo) * most * std::sqrt(blocked_share);
+}
+
+BounceReport add_bounces(const BounceJob& job, const Scene& scene, const Tracer& tracer,
+                         std::span<const BlockedRays> blocked, std::span<MeshTransport> transport) {
+    return Interreflection(job, scene, tracer, blocked, transport).run();
+}
+
+}  // namespace envbake

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/input/scene.h"
+#include "baker/math/simd.h"
+#include "baker/trace/tracer.h"
+#include "baker/transport/diffuse.h"
+#include "baker/transport/ray_origin.h"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace envbake {
+
+/// The different vertices of all meshes that have transport, numbered through: equal ones once,
+/// those on no surface not at all.
+struct ScenePlaces {
+    static constexpr std::uint32_t kNone = SurfacePoints::kNone;
+    struct Place {
+        std::uint32_t mesh, vertex;
+    };
+    std::vector<Place> places;
+    std::vector<SurfacePoints> surfaces;                ///< of every mesh
+    std::vector<std::vector<std::uint32_t>> numbers;    ///< [mesh][vertex]; empty: no transport
+    std::vector<std::uint64_t> first_triangle;          ///< [mesh], in the scene's triangles
+    std::vector<std::array<std::uint32_t, 3>> corners;  ///< places, of each of those; kNone first:
+                                                        ///< the triangle has no transport
+
+    /// has_transport  [mesh]
+    ScenePlaces(const Scene& scene, const std::vector<bool>& has_transport);
+};
+
+/// What each place sees of the surfaces around it, by a few rays: light that is reflected to it is
+///
+///     B(p) = F(p) * mean over the rays that met something of albedo(x) T(x),
+///     T(x) = interpolated between the corners of the triangle that x is on
+///
+/// with F = 1 - T_00 / Y_00, the cosine-weighted share of its hemisphere that is blocked, as all
+/// its rays have it. So light is neither lost nor made: with albedo 1 under a constant sky T_00
+/// tends to Y_00 whatever the rays. Where T says that something is there and no ray ends at it, the
+/// place sees its own like.
+///
+/// Neighbours follow each other in a ray set, so every k-th of the blocked rays are a few that are
+/// well spread over what is blocked.
+///
+/// A back face of a single-sided material reflects nothing, though it blocks; of a double-sided one
+/// it reflects what its front does, as a renderer shows it. What has no transport reflects nothing.
+/// Albedo is base colour x texture x vertex colour x (1 - metallic), at most 1.
+class SeenSurfaces {
+  public:
+    /// One block of places; rows are of different length.
+    struct Point {
+        std::uint32_t triangle;               ///< of ScenePlaces::corners
+        std::uint16_t u, v;                   ///< barycentric, in 65535ths, u + v <= 65535
+        std::array<std::uint16_t, 3> albedo;  ///< RGB, in 65535ths
+    };
+
+    enum class Rays {
+        OfTheDirectBake,  ///< those of `blocked`
+        New               ///< the same set turned otherwise, traced first
+    };
+    /// Follows every `stride`-th blocked ray of each chosen place, at least one.
+    ///   blocked  [mesh], as bake_diffuse() fills it
+    ///   chosen   the places that get a row, by number
+    ///   shares   [chosen], F of each; no rays where it is 0
+    ///   offset   which of the `stride`: 0 .. 1, added to a random one
+    SeenSurfaces(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
+                 std::span<const BlockedRays> blocked, std::span<const std::uint32_t> chosen,
+                 std::vector<float> shares, double stride, double offset, Rays rays);
+
+    std::size_t row_count() const { return shares_.size(); }
+    std::uint64_t point_count() const { return point_count_; }
+    std::uint64_t black_back_count() const { return black_back_count_; }
+    std::size_t bytes() const;
+
+    /// B of one row for sixteen columns of T.
+    ///   columns  [places]
+    Float16 reflected(std::size_t row, int channel, std::span<const Float16> columns) const;
+    /// F times the mean albedo: B for T = 1.
+    double reflectance(std::size_t row, int channel) const;
+    /// F times the mean of what the surfaces emit: W sr^-1 m^-2.
+    const Vec3& emitted(std::size_t row) const { return emitted_[row]; }
+
+  private:
+    static constexpr std::size_t kBlock = 64;
+    struct Block {
+        std::array<std::uint32_t, kBlock + 1> first{};
+        std::vector<Point> points;
+        std::uint64_t black_back_count = 0;
+    };
+    class Gatherer;
+    static constexpr std::uint32_t kBlack = 0xffffffff;  ///< Point::triangle of what is black
+
+    std::span<const Point> row(std::size_t index) const {
+        const Block& block = blocks_[index / kBlock];
+        const std::size_t k = index % kBlock;
+        return std::span(block.points).subspan(block.first[k], block.first[k + 1] - block.first[k]);
+    }
+
+    std::span<const std::array<std::uint32_t, 3>> corners_;
+    std::vector<float> shares_;
+    std::vector<Vec3> emitted_;
+    std::vector<Block> blocks_;
+    std::uint64_t point_count_ = 0, black_back_count_ = 0;
+};
+
+}  // namespace envbake

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any bytes as a bundle: opened, verified, decoded, shaded with, written again. Half of the inputs
+// get their checksums made right, so that what lies behind them is reached.
+#include "envbake/runtime/bundle.h"
+#include "envbake/format/reader.h"
+#include "envbake/format/writer.h"
+#include "envbake/runtime/shade.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <string>
+#include <vector>
+
+#include <unistd.h>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
+
+namespace {
+
+namespace format = envbake::format;
+namespace runtime = envbake::runtime;
+
+template <class T>
+T get(const std::uint8_t* at) {
+    T value;
+    std::memcpy(&value, at, sizeof value);
+    return value;
+}
+template <class T>
+void put(std::uint8_t* at, T value) {
+    std::memcpy(at, &value, sizeof value);
+}
+
+/// Makes the magic, the version, the file size, the table's place and all checksums what they
+/// should be, as far as the bytes allow. Places of fields: docs/format.md.
+void repair(std::uint8_t* data, std::size_t size) {
+    if (size < 64) return;
+    std::memcpy(data,
+                "\x89"
+                "ENVB\r\n\x1a\x01",
+                9);
+    data[9] = 0;
+    put<std::uint64_t>(data + 16, size);
+    put<std::uint64_t>(data + 48, 0);
+    const auto table = get<std::uint64_t>(data + 24);
+    if (table >= 64 && table <= size) {
+        put<std::uint64_t>(data + 32, size - table);
+        const std::uint64_t count =
+            std::min<std::uint64_t>(get<std::uint32_t>(data + 12), (size - table) / 96);
+        for (std::uint64_t i = 0; i < count; ++i) {
+            std::uint8_t* entry = data + table + 96 * i;
+            const auto offset = get<std::uint64_t>(entry + 64),
+                       stored = get<std::uint64_t>(entry + 72);
+            if (offset <= table && stored <= table - offset)
+                put<std::uint64_t>(entry + 88, XXH3_64bits(data + offset, stored));
+        }
+        put<std::uint64_t>(data + 40, XXH3_64bits(data + table, size - table));
+    }
+    put<std::uint64_t>(data + 56, XXH3_64bits(data, 56));
+}
+
+void require(bool holds, const char* what) {
+    if (holds) return;
+    std::fprintf(stderr, "%s\n", what);
+    std::abort();
+}
+
+void shade(const runtime::Bundle& bundle) {
+    float sum = runtime::irradiance(bundle.lighting(), {0, 0, 1})[0];
+    for (const float r : {0.0f, 0.3f, 1.0f}) {
+        for (const auto d : {runtime::Distribution::Ggx, runtime::Distribution::Beckmann})
+            sum +=
+                runtime::specular(bundle, d, {0, 1, 0}, {0.6f, 0.8f, 0}, r, {0.5f, 0.5f, 0.5f})[1];
+        sum += runtime::lookup_average_albedo(bundle.brdf(), r);
+    }
+    std::vector<runtime::Rgb> out(4);
+    for (const runtime::Mesh& mesh : bundle.meshes()) {
+        runtime::diffuse_exit(mesh.diffuse, bundle.lighting(), 0, out);
+        sum += out[0][0] + out[3][2];
+    }
+    volatile float sink = sum;
+    static_cast<void>(sink);
+}
+
+/// A bundle without a fault in its arrays, written again, has the same arrays.
+void write_again(const format::Reader& reader) {
+    const std::string path = "/tmp/envbake_fuzz_" + std::to_string(::getpid()) + ".envb";
+    auto writer = format::Writer::create(path);
+    if (!writer) return;
+    for (std::size_t i = 0; i < reader.array_count(); ++i) {
+        const format::ArrayInfo info = reader.array(i);
+        if (info.codec != format::Codec::None || !reader.verify(info)) return;
+        const std::vector<std::uint64_t> shape(info.shape.begin(), info.shape.begin() + info.rank);
+        require(
+            static_cast<bool>(writer->add({std::string(info.name), info.type, shape, info.codec},
+                                          reader.stored_bytes(info))),
+            "the writer refuses an array that the reader accepts");
+    }
+    require(static_cast<bool>(writer->finish()), "the writer does not finish");
+    const auto again = format::Reader::open(path.c_str());
+    ::unlink(path.c_str());
+    require(static_cast<bool>(again), "the reader refuses what was written");
+    require(again->array_count() == reader.array_count(), "another number of arrays");
+    for (std::size_t i = 0; i < reader.array_count(); ++i) {
+        const auto a = reader.stored_bytes(reader.array(i)),
+                   b = again->stored_bytes(again->array(i));
+        require(std::equal(a.begin(), a.end(), b.begin(), b.end()), "an array changed");
+    }
+}
+
+}  // namespace
+
+extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size,
+                                               std::size_t max_size, unsigned seed) {
+    size = LLVMFuzzerMutate(data, size, max_size);
+    if (seed % 2 == 0) repair(data, size);
+    return size;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    std::byte* memory = new (std::align_val_t(64)) std::byte[size];  // exactly: ASan sees one more
+    if (size > 0) std::memcpy(memory, data, size);
+    const std::span<const std::byte> bytes(memory, size);
+    if (const auto reader = format::Reader::open(bytes)) {
+        std::uint64_t decoded = 0;
+        for (std::size_t i = 0; i < reader->array_count(); ++i) {
+            const format::ArrayInfo info = reader->array(i);
+            static_cast<void>(reader->verify(info));
+            if (info.codec == format::Codec::None) continue;
+            decoded += info.size;
+            std::vector<std::byte> out(info.size);
+            static_cast<void>(reader->read(info, out));
+        }
+        require(decoded <= std::max<std::uint64_t>(16u << 20, 16 * size), "too much to decode");
+        write_again(*reader);
+    }
+    if (const auto bundle = runtime::Bundle::open(bytes)) shade(*bundle);
+    ::operator delete[](memory, std::align_val_t(64));
+    return 0;
+}
