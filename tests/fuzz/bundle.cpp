@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any bytes as a bundle: opened, verified, decoded, shaded with, written again. Half of the inputs
 // get their checksums made right, so that what lies behind them is reached.
-#include "envbake/runtime/bundle.h"
-#include "envbake/format/reader.h"
+#include "tests/support/bundle_bytes.h"
+
 #include "envbake/format/writer.h"
+#include "envbake/runtime/bundle.h"
 #include "envbake/runtime/shade.h"
 
 #include <algorithm>
@@ -12,13 +13,11 @@
 #include <cstdlib>
 #include <cstring>
 #include <new>
+#include <span>
 #include <string>
 #include <vector>
 
 #include <unistd.h>
-
-#define XXH_INLINE_ALL
-#include <xxhash.h>
 
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
 
@@ -27,43 +26,32 @@ namespace {
 namespace format = envbake::format;
 namespace runtime = envbake::runtime;
 
-template <class T>
-T get(const std::uint8_t* at) {
-    T value;
-    std::memcpy(&value, at, sizeof value);
-    return value;
-}
-template <class T>
-void put(std::uint8_t* at, T value) {
-    std::memcpy(at, &value, sizeof value);
-}
+using envbake::test::get;
+using envbake::test::put;
 
 /// Makes the magic, the version, the file size, the table's place and all checksums what they
 /// should be, as far as the bytes allow. Places of fields: docs/format.md.
-void repair(std::uint8_t* data, std::size_t size) {
-    if (size < 64) return;
-    std::memcpy(data,
-                "\x89"
-                "ENVB\r\n\x1a\x01",
-                9);
-    data[9] = 0;
-    put<std::uint64_t>(data + 16, size);
-    put<std::uint64_t>(data + 48, 0);
-    const auto table = get<std::uint64_t>(data + 24);
-    if (table >= 64 && table <= size) {
-        put<std::uint64_t>(data + 32, size - table);
-        const std::uint64_t count =
-            std::min<std::uint64_t>(get<std::uint32_t>(data + 12), (size - table) / 96);
-        for (std::uint64_t i = 0; i < count; ++i) {
-            std::uint8_t* entry = data + table + 96 * i;
-            const auto offset = get<std::uint64_t>(entry + 64),
-                       stored = get<std::uint64_t>(entry + 72);
-            if (offset <= table && stored <= table - offset)
-                put<std::uint64_t>(entry + 88, XXH3_64bits(data + offset, stored));
-        }
-        put<std::uint64_t>(data + 40, XXH3_64bits(data + table, size - table));
+void repair(std::span<std::byte> bundle) {
+    const std::size_t size = bundle.size();
+    if (size < format::kHeaderSize) return;
+    std::copy(format::kMagic.begin(), format::kMagic.end(),
+              reinterpret_cast<unsigned char*>(bundle.data()));
+    put<std::uint16_t>(bundle, 8, format::kMajor);
+    put<std::uint64_t>(bundle, 16, size);
+    put<std::uint64_t>(bundle, 48, 0);
+    const auto table = get<std::uint64_t>(bundle, 24);
+    if (table < format::kHeaderSize || table > size) return envbake::test::seal_header(bundle);
+    put<std::uint64_t>(bundle, 32, size - table);
+    const std::uint64_t count = std::min<std::uint64_t>(get<std::uint32_t>(bundle, 12),
+                                                        (size - table) / format::kEntrySize);
+    for (std::uint64_t i = 0; i < count; ++i) {
+        const std::size_t entry = table + format::kEntrySize * i;
+        const auto offset = get<std::uint64_t>(bundle, entry + 64),
+                   stored = get<std::uint64_t>(bundle, entry + 72);
+        if (offset <= table && stored <= table - offset)
+            put(bundle, entry + 88, format::checksum(bundle.subspan(offset, stored)));
     }
-    put<std::uint64_t>(data + 56, XXH3_64bits(data, 56));
+    envbake::test::seal(bundle, table);
 }
 
 void require(bool holds, const char* what) {
@@ -120,7 +108,7 @@ void write_again(const format::Reader& reader) {
 extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size,
                                                std::size_t max_size, unsigned seed) {
     size = LLVMFuzzerMutate(data, size, max_size);
-    if (seed % 2 == 0) repair(data, size);
+    if (seed % 2 == 0) repair({reinterpret_cast<std::byte*>(data), size});
     return size;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "envbake/format/reader.h"
 #include "envbake/format/writer.h"
+#include "tests/support/bundle_bytes.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -28,13 +29,11 @@ struct Bytes {
     std::span<const std::byte> span() const { return {data, size}; }
     template <class T>
     void put(std::size_t at, T value) {
-        std::memcpy(data + at, &value, sizeof value);
+        test::put(std::span(data, size), at, value);
     }
     template <class T>
     T get(std::size_t at) const {
-        T value;
-        std::memcpy(&value, data + at, sizeof value);
-        return value;
+        return test::get<T>(span(), at);
     }
     std::size_t size;
     std::byte* data;
@@ -78,8 +77,9 @@ class Bundle : public ::testing::Test {
     static void reseal(Bytes& bytes) {
         const auto table_offset = bytes.get<std::uint64_t>(24);
         if (table_offset <= bytes.size)
-            bytes.put(40, checksum({bytes.data + table_offset, bytes.size - table_offset}));
-        bytes.put(56, checksum({bytes.data, 56}));
+            test::seal({bytes.data, bytes.size}, table_offset);
+        else
+            test::seal_header({bytes.data, bytes.size});
     }
 
     fs::path folder_;

@@ -2,6 +2,7 @@
 // Bundles of every released minor version, kept in tests/golden for ever, whole and damaged: what
 // is damaged is found, and harms neither the validator nor the runtime.
 #include "baker/pipeline/validate.h"
+#include "tests/support/bundle_bytes.h"
 
 #include "envbake/runtime/bundle.h"
 #include "envbake/runtime/shade.h"
@@ -43,6 +44,7 @@ class Memory {
     ~Memory() { ::operator delete[](data_, std::align_val_t(64)); }
     Memory(const Memory&) = delete;
     Memory& operator=(const Memory&) = delete;
+    std::span<std::byte> span() { return {data_, size_}; }
     std::span<const std::byte> span() const { return {data_, size_}; }
     std::byte& operator[](std::size_t at) { return data_[at]; }
 
@@ -138,12 +140,7 @@ TEST_P(Golden, EveryIntegerAtItsBoundariesIsANamedError) {
         for (const std::uint64_t value : values) {
             Memory memory(bytes_);
             std::memcpy(&memory[field.at], &value, field.size);
-            const auto seal = [&](std::size_t at, std::span<const std::byte> of) {
-                const std::uint64_t sum = format::checksum(of);
-                std::memcpy(&memory[at], &sum, 8);
-            };
-            seal(40, memory.span().subspan(table));
-            seal(56, memory.span().first(56));
+            test::seal(memory.span(), table);
             const auto names = faults(memory.span());
             EXPECT_FALSE(names.empty()) << "byte " << field.at << ": " << old << " -> " << value;
             for (const std::string& name : names) EXPECT_NE(name, "None");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/pipeline/validate.h"
+#include "tests/support/bundle_bytes.h"
 
 #include "envbake/format/reader.h"
 #include "envbake/format/writer.h"
@@ -141,12 +142,7 @@ class Validate : public ::testing::Test {
                 "other", {bytes.size()}, std::vector<std::uint8_t>(bytes.begin(), bytes.end())));
         };
         ASSERT_EQ(codes(content), std::vector<int>{});
-        std::vector<std::byte> file(std::filesystem::file_size(path_));
-        std::ifstream(path_, std::ios::binary)
-            .read(reinterpret_cast<char*>(file.data()), static_cast<std::streamsize>(file.size()));
-        const auto put = [&](std::size_t at, std::uint64_t value) {
-            std::memcpy(file.data() + at, &value, sizeof(value));
-        };
+        std::vector<std::byte> file = load();
         std::size_t table = 0, entry = 0;
         {
             const auto reader = format::Reader::open(path_.c_str());
@@ -155,14 +151,11 @@ class Validate : public ::testing::Test {
             while (reader->array(entry).name != "other") ++entry;
         }
         const std::size_t at = table + entry * format::kEntrySize;
-        file[at + 7] = std::byte{1};  // codec
-        put(at + 16, size);           // shape
-        put(at + 80, size);
-        put(40, format::checksum({file.data() + table, file.size() - table}));
-        put(56, format::checksum({file.data(), 56}));
-        std::ofstream(path_, std::ios::binary)
-            .write(reinterpret_cast<const char*>(file.data()),
-                   static_cast<std::streamsize>(file.size()));
+        file[at + 7] = std::byte{1};     // codec
+        test::put(file, at + 16, size);  // shape
+        test::put(file, at + 80, size);
+        test::seal(file, table);
+        store(file);
     }
 
     std::vector<std::byte> load() const {
@@ -186,21 +179,12 @@ TEST_F(Validate, AGoodBundleHasNoFindings) {
     EXPECT_EQ(codes({}), Codes{});
 }
 
-template <class T>
-void put(std::vector<std::byte>& file, std::size_t at, T value) {
-    std::memcpy(file.data() + at, &value, sizeof(value));
-}
+using test::put;
+using test::seal;
+using test::seal_header;
+
 std::size_t table_of(const std::vector<std::byte>& file) {
-    std::uint64_t at = 0;
-    std::memcpy(&at, file.data() + 24, sizeof(at));
-    return static_cast<std::size_t>(at);
-}
-void seal_header(std::vector<std::byte>& file) {
-    put(file, 56, format::checksum({file.data(), 56}));
-}
-void seal(std::vector<std::byte>& file, std::size_t table) {
-    put(file, 40, format::checksum({file.data() + table, file.size() - table}));
-    seal_header(file);
+    return static_cast<std::size_t>(test::get<std::uint64_t>(file, 24));
 }
 
 /// The rows `| code | name | must |` of docs/format.md.
