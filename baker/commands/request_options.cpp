@@ -91,6 +91,18 @@ void declare_request(CLI::App& app, BakeRequest& request) {
            "Light between surfaces: how often it is reflected, or all")
         ->type_name("N|all")
         ->default_str("0");
+    app.add_option_function<std::string>(
+           "--glossy",
+           [&request](const std::string& name) {
+               request.glossy = name == "auto" ? GlossyChoice::WhereItShows : GlossyChoice::All;
+           },
+           "Also bake mesh/I/glossy: auto, for lobes that SH can show and that reflect more than "
+           "the "
+           "tolerance, or all")
+        ->check(CLI::IsMember({"auto", "all"}));
+    app.add_option("--glossy-bands", request.glossy_bands,
+                   "SH bands of what leaves a glossy surface, 1 to 5")
+        ->capture_default_str();
     app.add_flag("--unshadowed", request.unshadowed,
                  "Also bake mesh/I/unshadowed: transport without occlusion, analytic");
     const auto add_names = [&app](const char* option, std::vector<std::string>& names,

@@ -49,6 +49,11 @@ inline constexpr FormatRule kToleranceRange{148, "ToleranceRange"};
 inline constexpr FormatRule kAnswerCount{149, "AnswerCount"};
 inline constexpr FormatRule kVertexAbsent{150, "VertexAbsent"};
 inline constexpr FormatRule kSelfTestStored{151, "SelfTestStored"};
+inline constexpr FormatRule kNormalMissing{152, "NormalMissing"};
+inline constexpr FormatRule kLobeFacts{153, "LobeFacts"};
+inline constexpr FormatRule kLobePair{154, "LobePair"};
+inline constexpr FormatRule kGlossyBands{155, "GlossyBands"};
+inline constexpr FormatRule kNormalLength{156, "NormalLength"};
 inline constexpr FormatRule kLightsType{160, "LightsType"};
 inline constexpr FormatRule kShType{161, "ShType"};
 inline constexpr FormatRule kMipType{162, "MipType"};
@@ -58,6 +63,7 @@ inline constexpr FormatRule kTransportType{165, "TransportType"};
 inline constexpr FormatRule kQuestionType{166, "QuestionType"};
 inline constexpr FormatRule kAnswerType{167, "AnswerType"};
 inline constexpr FormatRule kEmittedType{168, "EmittedType"};
+inline constexpr FormatRule kGlossyType{169, "GlossyType"};
 inline constexpr FormatRule kLightsShape{170, "LightsShape"};
 inline constexpr FormatRule kShCoefficients{171, "ShCoefficients"};
 inline constexpr FormatRule kShChannels{172, "ShChannels"};
@@ -72,6 +78,11 @@ inline constexpr FormatRule kMipLayout{180, "MipLayout"};
 inline constexpr FormatRule kMipChain{181, "MipChain"};
 inline constexpr FormatRule kAlbedoRows{182, "AlbedoRows"};
 inline constexpr FormatRule kEmittedShape{183, "EmittedShape"};
+inline constexpr FormatRule kGlossyShape{184, "GlossyShape"};
+inline constexpr FormatRule kNormalShape{185, "NormalShape"};
+inline constexpr FormatRule kLobeShape{186, "LobeShape"};
+inline constexpr FormatRule kNormalType{187, "NormalType"};
+inline constexpr FormatRule kLobeType{188, "LobeType"};
 }  // namespace rule
 
 }  // namespace envbake

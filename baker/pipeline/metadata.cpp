@@ -33,6 +33,18 @@ Json distribution_names(const BakeRequest& request) {
     return names;
 }
 
+const char* glossy_name(GlossyChoice choice) {
+    switch (choice) {
+        case GlossyChoice::None:
+            break;
+        case GlossyChoice::WhereItShows:
+            return "auto";
+        case GlossyChoice::All:
+            return "all";
+    }
+    return "none";
+}
+
 Json range_json(const std::optional<RoughnessRange>& range) {
     return range ? Json{range->min, range->max} : Json();
 }
@@ -49,6 +61,11 @@ Json conventions() {
         {"diffuse",
          "T_i = 1/pi integral of V(w) max(0, n.w) Y_i(w) dw, with bounces the light that surfaces "
          "reflect in place of V = 0; exit radiance = albedo * (sum_i l_i T_i + emitted)"},
+        {"glossy",
+         "V_i = 1/pi integral of V(w) max(0, n.w) Y_i(w) dw without bounces, to six bands more "
+         "than "
+         "the lighting; with mesh/I/normal and brdf/..._lobe it makes the matrices t of exit "
+         "radiance sum_j (sum_i l_i t_ij) Y_j(o), t = R0 a + b"},
         {"emitted", "what surfaces that shine send to a vertex, 1/pi integral of L cos, RGB"},
         {"roughness", "perceptual, alpha = roughness^2; mip k of n holds roughness k / (n - 1)"},
         {"mips",
@@ -161,6 +178,18 @@ Json bounces_json(const BounceReport& r) {
             {"emitted_error_rms", rounded(r.emitted_error_rms)}};
 }
 
+Json glossy_json(const BakeReport::Glossy& g) {
+    return {{"light_bands", g.light_bands},           {"rays", g.rays.ray_count},
+            {"error_rms", rounded(g.error_rms)},      {"error_p999", rounded(g.error_p999)},
+            {"expansion_error", rounded(g.lobe.fit)}, {"lost_by_exit_bands", rounded(g.lobe.lost)}};
+}
+
+Json lobe_json(const BakeReport::ExpandedLobe& lobe) {
+    return {{"exit_bands", lobe.job.exit_bands},
+            {"light_bands", lobe.job.light_bands},
+            {"roughness", {lobe.job.roughness[0], lobe.job.roughness[1]}}};
+}
+
 Json meshes_json(const Scene& scene, const BakeReport& report) {
     Json list = Json::array();
     for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
@@ -177,6 +206,7 @@ Json meshes_json(const Scene& scene, const BakeReport& report) {
         if (!mesh.receives) json["receives"] = false;
         if (!mesh.casts) json["casts"] = false;
         if (report.diffuse[i]) json["diffuse"] = diffuse_json(*report.diffuse[i]);
+        if (report.glossy[i]) json["glossy"] = glossy_json(*report.glossy[i]);
         list.push_back(std::move(json));
     }
     return list;
@@ -222,6 +252,8 @@ Json options_json(const BakeRequest& r) {
             {"table_type", r.half_tables ? "f16" : "f32"},
             {"no_receive", r.not_receiving},
             {"no_cast", r.not_casting},
+            {"glossy", glossy_name(r.glossy)},
+            {"glossy_bands", r.glossy_bands},
             {"unshadowed", r.unshadowed},
             {"bounces", r.bounces == kAllBounces ? Json("all") : Json(r.bounces)},
             {"rays", r.rays_per_vertex},
@@ -253,6 +285,8 @@ Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const B
     if (report.ggx.table) json["brdf"]["ggx"] = table_json(*report.ggx.table, request.table_axes);
     if (report.beckmann.table)
         json["brdf"]["beckmann"] = table_json(*report.beckmann.table, request.table_axes);
+    if (report.ggx_lobe) json["brdf"]["ggx_lobe"] = lobe_json(*report.ggx_lobe);
+    if (report.beckmann_lobe) json["brdf"]["beckmann_lobe"] = lobe_json(*report.beckmann_lobe);
     if (report.bounces) json["bounces"] = bounces_json(*report.bounces);
     if (inputs.scene) {
         json["scene"] = {{"materials", inputs.scene->materials.size()},

@@ -39,6 +39,19 @@ struct BakeReport {
     int mip_count = 0;
     std::optional<ShWindow> window;
     std::vector<std::optional<DiffuseReport>> diffuse;  ///< one a mesh
+    struct Glossy {
+        DiffuseReport rays;
+        int light_bands = 0;
+        LobeErrors lobe;
+        double error_rms = 0, error_p999 = 0;  ///< of rays and of the lobe's expansion
+    };
+    std::vector<std::optional<Glossy>> glossy;  ///< one a mesh
+    /// Of the specular side, in SH.
+    struct ExpandedLobe {
+        LobeExpansionJob job;
+        int rows = 0;
+    };
+    std::optional<ExpandedLobe> ggx_lobe, beckmann_lobe;
     std::optional<BounceReport> bounces;
     double self_test_tolerance = 0;
 };

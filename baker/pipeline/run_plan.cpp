@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <new>
+#include <numbers>
 #include <utility>
 
 namespace envbake {
@@ -29,7 +30,12 @@ class Run {
     Run(const BakeRequest& request, const BakeInputs& inputs, format::Writer& writer,
         Progress& progress)
         : request_(request), inputs_(inputs), writer_(writer), progress_(progress) {
-        if (inputs.scene) report_.diffuse.resize(inputs.scene->meshes.size());
+        if (!inputs.scene) return;
+        const std::size_t meshes = inputs.scene->meshes.size();
+        report_.diffuse.resize(meshes);
+        report_.glossy.resize(meshes);
+        transport_.resize(meshes);
+        blocked_.resize(meshes);
     }
 
     /// Returns what fell short of the tolerance.
@@ -42,9 +48,9 @@ class Run {
         bool transport_announced = false;
         for (const PlannedStage& stage : plan.stages) {
             if (!stage.job) continue;
-            if (std::holds_alternative<PlannedDiffuse>(*stage.job) &&
-                !std::exchange(transport_announced, true))
-                announce_transport(plan);
+            const bool traces = std::holds_alternative<PlannedDiffuse>(*stage.job) ||
+                                std::holds_alternative<PlannedGlossy>(*stage.job);
+            if (traces && !std::exchange(transport_announced, true)) announce_transport(plan);
             ENVBAKE_TRY_VOID(
                 std::visit([&](const auto& job) { return bake(stage.output, job); }, *stage.job));
         }
@@ -80,6 +86,14 @@ class Run {
             vertex_count += count;
         }
         if (vertex_count > 0) judge("mesh/*/diffuse", std::sqrt(square_sum / vertex_count));
+        square_sum = vertex_count = 0;
+        for (const auto& glossy : report_.glossy) {
+            if (!glossy) continue;
+            const auto count = static_cast<double>(glossy->rays.vertex_count);
+            square_sum += glossy->error_rms * glossy->error_rms * count;
+            vertex_count += count;
+        }
+        if (vertex_count > 0) judge("mesh/*/glossy", std::sqrt(square_sum / vertex_count));
         return lines;
     }
 
@@ -217,10 +231,100 @@ class Run {
         return {};
     }
 
+    Expected<void> bake(const std::string& output, const PlannedLobe& planned) {
+        const LobeExpansionJob& job = planned.job;
+        const LobeExpansion lobe = expand_lobe(job);
+        const auto rows = static_cast<std::uint64_t>(lobe.rows);
+        const auto store = [&](const char* part, std::span<const float> values) {
+            return add<float>(concat(output, part), {rows, 2, values.size() / (2 * rows)}, values,
+                              format::Codec::None);
+        };
+        (job.distribution == runtime::Distribution::Ggx ? report_.ggx_lobe
+                                                        : report_.beckmann_lobe) = {job, lobe.rows};
+        ENVBAKE_TRY_VOID(store("/unoccluded", lobe.unoccluded));
+        return store("/kernel", lobe.kernel);
+    }
+
+    Expected<void> bake(const std::string& output, const PlannedGlossy& glossy) {
+        const Mesh& mesh = inputs_.scene->meshes[glossy.mesh];
+        const auto row_size =
+            static_cast<std::uint64_t>(glossy.job.row_bands * glossy.job.row_bands);
+        const auto diffuse_size = static_cast<std::size_t>(glossy.job.bands * glossy.job.bands);
+        ENVBAKE_TRY_VOID(build_tracer());
+        if (auto begun = writer_.begin(
+                {output, format::ElementType::F32, {mesh.vertex_count(), row_size}, codec()});
+            !begun)
+            return output_error(begun.error());
+        std::vector<float>& kept = transport_[glossy.mesh].rows;
+        if (glossy.with_diffuse) kept.reserve(mesh.vertex_count() * diffuse_size);
+        double blocked_sum = 0;
+        const auto sink = [&](std::span<const float> rows) -> Expected<void> {
+            for (std::size_t at = 0; at < rows.size(); at += row_size) {
+                blocked_sum += 1 - static_cast<double>(rows[at]) * std::sqrt(4 * std::numbers::pi);
+                if (glossy.with_diffuse)
+                    kept.insert(kept.end(), rows.begin() + static_cast<std::ptrdiff_t>(at),
+                                rows.begin() + static_cast<std::ptrdiff_t>(at + diffuse_size));
+            }
+            if (auto appended = writer_.append(std::as_bytes(rows)); !appended)
+                return output_error(appended.error());
+            return {};
+        };
+        ENVBAKE_TRY(const DiffuseReport rays,
+                    bake_diffuse(glossy.job, *inputs_.scene, glossy.mesh, *tracer_, sink, progress_,
+                                 glossy.bounces ? &blocked_[glossy.mesh] : nullptr));
+        if (auto ended = writer_.end(); !ended) return output_error(ended.error());
+
+        const LobeErrors& lobe = glossy.errors;
+        const double blocked = std::max(
+            0.0, blocked_sum / static_cast<double>(std::max<std::size_t>(1, mesh.vertex_count())));
+        const double expansion = lobe.fit * std::sqrt(blocked);
+        report_.glossy[glossy.mesh] = {
+            rays, glossy.light_bands, lobe,
+            std::hypot(lobe.per_transport_error * rays.error_rms, expansion),
+            std::hypot(lobe.per_transport_error * rays.error_p999, lobe.fit)};
+        report_.array_errors[output] = {
+            report_.glossy[glossy.mesh]->error_rms,
+            "rms over vertices of |t - t_true|_F / |a + b of an open vertex|_F"};
+        if (glossy.with_diffuse) report_.diffuse[glossy.mesh] = rays;
+
+        std::vector<float> normals;
+        const SurfacePoints points(mesh);
+        for (std::uint32_t v = 0; v < mesh.vertex_count(); ++v) {
+            const std::uint32_t place = points.representative(v);
+            const DVec3 normal = place == SurfacePoints::kNone
+                                     ? DVec3(0)
+                                     : points.origin(place, tracer_->space()).normal;
+            for (int c = 0; c < 3; ++c) normals.push_back(static_cast<float>(normal[c]));
+        }
+        return add<float>(concat("mesh/", glossy.mesh, "/normal"), {mesh.vertex_count(), 3},
+                          normals, codec());
+    }
+
+    /// Transport that came with the glossy one.
+    Expected<void> store_kept(const std::string& output, const PlannedDiffuse& diffuse) {
+        std::vector<float>& rows = transport_[diffuse.mesh].rows;
+        const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
+        if (diffuse.bounces) {
+            std::vector<float> coloured;
+            coloured.reserve(rows.size() * static_cast<std::size_t>(bounce_channels_));
+            for (const float value : rows)
+                for (int c = 0; c < bounce_channels_; ++c) coloured.push_back(value);
+            rows = std::move(coloured);
+            return {};
+        }
+        keep_self_test_rows(diffuse.mesh, 0, rows, coeffs);
+        report_.array_errors[output] = {report_.diffuse[diffuse.mesh]->error_rms,
+                                        "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+        ENVBAKE_TRY_VOID(add<float>(output, {rows.size() / coeffs, coeffs}, rows, codec()));
+        std::vector<float>().swap(rows);
+        return {};
+    }
+
     Expected<void> bake(const std::string& output, const PlannedDiffuse& diffuse) {
         const Mesh& mesh = inputs_.scene->meshes[diffuse.mesh];
         const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
         ENVBAKE_TRY_VOID(build_tracer());
+        if (diffuse.from_glossy) return store_kept(output, diffuse);
         if (diffuse.bounces) return keep(diffuse);
         if (auto begun = writer_.begin(
                 {output, format::ElementType::F32, {mesh.vertex_count(), coeffs}, codec()});
@@ -245,8 +349,6 @@ class Run {
 
     /// Bakes transport into memory, the same in every channel, for the bounces.
     Expected<void> keep(const PlannedDiffuse& diffuse) {
-        transport_.resize(inputs_.scene->meshes.size());
-        blocked_.resize(transport_.size());
         std::vector<float>& kept = transport_[diffuse.mesh].rows;
         const std::size_t vertices = inputs_.scene->meshes[diffuse.mesh].vertex_count();
         kept.reserve(vertices * static_cast<std::size_t>(diffuse.job.bands * diffuse.job.bands *
@@ -310,9 +412,13 @@ class Run {
     void announce_transport(const BakePlan& plan) {
         std::uint64_t total = 0;
         for (const PlannedStage& stage : plan.stages)
-            if (const auto* diffuse =
-                    stage.job ? std::get_if<PlannedDiffuse>(&*stage.job) : nullptr)
-                total += inputs_.scene->meshes[diffuse->mesh].vertex_count();
+            if (stage.job) {
+                const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
+                const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job);
+                if (diffuse != nullptr && !diffuse->from_glossy)
+                    total += inputs_.scene->meshes[diffuse->mesh].vertex_count();
+                if (glossy != nullptr) total += inputs_.scene->meshes[glossy->mesh].vertex_count();
+            }
         progress_.begin("diffuse transport", "vertices", total);
     }
 
@@ -383,7 +489,7 @@ class Run {
     format::Writer& writer_;
     Progress& progress_;
     std::optional<Tracer> tracer_;
-    std::vector<MeshTransport> transport_;  ///< what waits for its bounces
+    std::vector<MeshTransport> transport_;  ///< what waits for its bounces or its turn
     std::vector<BlockedRays> blocked_;      ///< the rays of that
     int bounce_channels_ = 1;
     BakeReport report_;

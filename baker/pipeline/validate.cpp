@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/pipeline/validate.h"
 
+#include "baker/core/text.h"
 #include "baker/pipeline/array_values.h"
 #include "baker/pipeline/check_self_test.h"
 #include "baker/pipeline/format_rules.h"
 #include "baker/pipeline/metadata.h"
 #include "baker/pipeline/self_test.h"
+#include "envbake/runtime/lobe.h"
 
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <optional>
 #include <string_view>
@@ -39,6 +42,9 @@ struct KnownName {
         Diffuse,
         Unshadowed,
         Emitted,
+        Glossy,
+        Normal,
+        Lobe,
         Question,
         Answer
     };
@@ -101,6 +107,8 @@ KnownName known_name(std::string_view name) {
         const LobeNames* lobe = take_lobe(&LobeNames::brdf);
         if (lobe && name.empty()) return {Kind::Table, 0, lobe};
         if (lobe && name == "_average_albedo") return {Kind::AverageAlbedo, 0, lobe};
+        if (lobe && (name == "_lobe/unoccluded" || name == "_lobe/kernel"))
+            return {Kind::Lobe, 0, lobe};
     } else if (take("environment/")) {
         const LobeNames* lobe = take_lobe(&LobeNames::mips);
         if (lobe && take("/")) {
@@ -112,6 +120,8 @@ KnownName known_name(std::string_view name) {
         if (mesh && name == "/diffuse") return {Kind::Diffuse, *mesh};
         if (mesh && name == "/emitted") return {Kind::Emitted, *mesh};
         if (mesh && name == "/unshadowed") return {Kind::Unshadowed, *mesh};
+        if (mesh && name == "/glossy") return {Kind::Glossy, *mesh};
+        if (mesh && name == "/normal") return {Kind::Normal, *mesh};
     }
     return {};
 }
@@ -325,6 +335,21 @@ class Validation {
                 require_shape(info, rule::kEmittedShape, info.rank == 2 && s[1] == 3,
                               "[vertices, 3]");
                 break;
+            case Kind::Glossy:
+                require_type(info, rule::kGlossyType, {ElementType::F32});
+                require_shape(info, rule::kGlossyShape, info.rank == 2 && light_bands_of(s[1]) > 0,
+                              "[vertices, (n + 6)^2] for n of 1 to 5");
+                break;
+            case Kind::Normal:
+                require_type(info, rule::kNormalType, {ElementType::F32});
+                require_shape(info, rule::kNormalShape, info.rank == 2 && s[1] == 3,
+                              "[vertices, 3]");
+                break;
+            case Kind::Lobe:  // its columns follow from the metadata
+                require_type(info, rule::kLobeType, {ElementType::F32});
+                require_shape(info, rule::kLobeShape, info.rank == 3 && s[0] > 0 && s[1] == 2,
+                              "[rows, 2, blocks]");
+                break;
             case Kind::Unshadowed:
                 require_type(info, rule::kTransportType, {ElementType::F32});
                 require_shape(info, rule::kTransportShape, info.rank == 2 && is_square(s[1]),
@@ -343,6 +368,15 @@ class Validation {
                 break;
             }
         }
+    }
+
+    /// n where columns = (n + 6)^2 for n of 1 to 5, otherwise 0.
+    static std::uint64_t light_bands_of(std::uint64_t columns) {
+        for (std::uint64_t n = 1; n <= runtime::kMaxGlossyBands; ++n)
+            if (columns ==
+                (n + runtime::kExtraVisibilityBands) * (n + runtime::kExtraVisibilityBands))
+                return n;
+        return 0;
     }
 
     struct StoredMip {
@@ -390,7 +424,9 @@ class Validation {
         for (const LobeNames* lobe : {&kGgx, &kBeckmann}) {
             check_mips_member(*lobe);
             check_table(*lobe);
+            check_lobe(*lobe);
         }
+        check_glossy();
     }
 
     void check_table(const LobeNames& lobe) {
@@ -405,6 +441,82 @@ class Validation {
         if (axes != "roots" && axes != "linear")
             add(rule::kTableAxes,
                 concat("brdf.", lobe.brdf, ".axes is neither \"roots\" nor \"linear\""));
+    }
+
+    /// The lobe in SH: both arrays, of the shapes that follow from brdf.X_lobe.
+    void check_lobe(const LobeNames& lobe) {
+        const std::string name = concat("brdf/", lobe.brdf, "_lobe");
+        const auto unoccluded = reader_.find(name + "/unoccluded");
+        const auto kernel = reader_.find(name + "/kernel");
+        if (!unoccluded && !kernel) return;
+        if (!unoccluded || !kernel) {
+            add(rule::kLobePair, concat("array ", name, unoccluded ? "/kernel" : "/unoccluded",
+                                        " is missing, but the other of the two is not"));
+            return;
+        }
+        const Json facts = member(member(metadata_, "brdf"), concat(lobe.brdf, "_lobe").c_str());
+        const Json exit = member(facts, "exit_bands"), light = member(facts, "light_bands"),
+                   range = member(facts, "roughness");
+        const auto is_roughness = [](const Json& r) {
+            return r.is_number() && r.get<double>() >= 0 && r.get<double>() <= 1;
+        };
+        if (!is_integer(exit, 1, runtime::kMaxGlossyBands) ||
+            !is_integer(light, 1, runtime::kMaxGlossyBands) || !range.is_array() ||
+            range.size() != 2 || !is_roughness(range[0]) || !is_roughness(range[1]) ||
+            range[0].get<double>() > range[1].get<double>()) {
+            add(rule::kLobeFacts, concat("brdf.", lobe.brdf,
+                                         "_lobe has no exit_bands and light_bands of 1 to 5 and "
+                                         "roughness of two rising numbers of 0 to 1"));
+            return;
+        }
+        const bool one_row = range[0].get<double>() == range[1].get<double>();
+        const auto require = [&](const format::ArrayInfo& info, int columns) {
+            const std::uint64_t blocks = runtime::lobe_size(exit.get<int>(), columns);
+            if (info.shape[2] != blocks || info.shape[0] != unoccluded->shape[0] ||
+                (info.shape[0] == 1) != one_row)
+                add(rule::kLobeShape,
+                    concat("array ", info.name, ": its shape is not [", one_row ? "1" : "rows > 1",
+                           ", 2, ", blocks, "], as brdf.", lobe.brdf, "_lobe has it"));
+        };
+        require(*unoccluded, light.get<int>());
+        require(*kernel, runtime::kLobeBands);
+    }
+
+    /// Normals, one for each row, and lobes of the same lighting bands.
+    void check_glossy() {
+        for (std::size_t i = 0; i < reader_.array_count(); ++i) {
+            const format::ArrayInfo info = reader_.array(i);
+            const KnownName known = known_name(info.name);
+            if (known.kind == KnownName::Kind::Normal) check_normals(info);
+            if (known.kind != KnownName::Kind::Glossy) continue;
+            if (!reader_.find(concat("mesh/", known.number, "/normal")))
+                add(rule::kNormalMissing, concat("array mesh/", known.number,
+                                                 "/normal is missing, but ", info.name, " is not"));
+            for (const LobeNames* lobe : {&kGgx, &kBeckmann}) {
+                const Json bands =
+                    member(member(member(metadata_, "brdf"), concat(lobe->brdf, "_lobe").c_str()),
+                           "light_bands");
+                if (!bands.is_null() && bands != light_bands_of(info.shape[1]))
+                    add(rule::kGlossyBands,
+                        concat("array ", info.name, " is of ", light_bands_of(info.shape[1]),
+                               " lighting bands, brdf.", lobe->brdf, "_lobe of others"));
+            }
+        }
+    }
+
+    void check_normals(const format::ArrayInfo& info) {
+        const auto bytes = read_bytes(reader_, info);
+        if (!bytes) return;  // check_stored has said so
+        std::vector<float> normals(bytes->size() / sizeof(float));
+        std::memcpy(normals.data(), bytes->data(), normals.size() * sizeof(float));
+        for (std::size_t v = 0; 3 * v + 2 < normals.size(); ++v) {
+            const double x = normals[3 * v], y = normals[3 * v + 1], z = normals[3 * v + 2];
+            const double length = std::sqrt(x * x + y * y + z * z);
+            if (length == 0 || std::abs(length - 1) <= 1e-4) continue;
+            add(rule::kNormalLength,
+                concat("array ", info.name, ": row ", v, " has length ", format_number(length)));
+            return;
+        }
     }
 
     void check_mips_member(const LobeNames& lobe) {
@@ -468,8 +580,10 @@ class Validation {
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
             const KnownName known = known_name(info.name);
-            if (known.kind != KnownName::Kind::Diffuse && known.kind != KnownName::Kind::Emitted &&
-                known.kind != KnownName::Kind::Unshadowed)
+            using Kind = KnownName::Kind;
+            const auto of_a_mesh = {Kind::Diffuse, Kind::Emitted, Kind::Unshadowed, Kind::Glossy,
+                                    Kind::Normal};
+            if (std::find(of_a_mesh.begin(), of_a_mesh.end(), known.kind) == of_a_mesh.end())
                 continue;
             if (known.number >= meshes.size())
                 add(rule::kMeshAbsent,

@@ -18,6 +18,12 @@ struct RoughnessRange {
     double max = 1;
 };
 
+enum class GlossyChoice {
+    None,
+    WhereItShows,  ///< materials whose lobe SH can show and that reflect enough by it
+    All,           ///< every material with a lobe
+};
+
 /// What a person asked for. Nothing here depends on what the inputs turn out to be.
 struct BakeRequest {
     std::filesystem::path scene;        ///< empty: lighting only
@@ -45,9 +51,11 @@ struct BakeRequest {
         not_receiving;                     ///< "mesh/I", or names of nodes or meshes: no transport
     std::vector<std::string> not_casting;  ///< the same: block no light
 
-    int bounces = 0;          ///< between surfaces; kAllBounces: until they are too faint
-    bool unshadowed = false;  ///< also bake "mesh/I/unshadowed"
-    int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
+    int bounces = 0;  ///< between surfaces; kAllBounces: until they are too faint
+    GlossyChoice glossy = GlossyChoice::None;  ///< "mesh/I/glossy"
+    int glossy_bands = 5;                      ///< of exit radiance, 1 .. 5
+    bool unshadowed = false;                   ///< also bake "mesh/I/unshadowed"
+    int rays_per_vertex = 0;                   ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;
     std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once
     bool strict = false;                                ///< refuse what would be repaired

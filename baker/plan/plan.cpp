@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/plan/plan.h"
 
+#include "baker/brdf/albedo_integral.h"
 #include "baker/core/text.h"
 #include "baker/lighting/sh_projection.h"
+#include "baker/math/quadrature.h"
+#include "envbake/runtime/lobe.h"
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace envbake {
 
@@ -225,6 +229,144 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
     return stage;
 }
 
+int glossy_light_bands(const BakeRequest& request) {
+    return std::min(request.bands, runtime::kMaxGlossyBands);
+}
+
+/// The roughness for which a material's lobe is expanded.
+RoughnessRange glossy_range(const BakeRequest& request, const MaterialFacts& material) {
+    RoughnessRange range{material.min_roughness, material.max_roughness};
+    if (request.glossy != GlossyChoice::All) range.min = std::max(range.min, kLeastGlossyRoughness);
+    return range;
+}
+
+/// The part of uniform light that a lobe reflects, 2 integral of (R0 A + B) n.v d(n.v): the largest
+/// of a range of roughness lies at one of its ends.
+double reflected_share(const BakeRequest& request, const RoughnessRange& range, double r0) {
+    const Quadrature rule = gauss_legendre(8);
+    double largest = 0;
+    for (const Distribution distribution : request.distributions) {
+        for (const double roughness : {range.min, range.max}) {
+            double share = 0;
+            for (std::size_t i = 0; i < rule.nodes.size(); ++i) {
+                const double x = (1 + rule.nodes[i]) / 2;  // n.v = x^2, as average_albedo has it
+                const DVec2 albedo = albedo_integral(distribution, {x * x, roughness}, 16);
+                share += rule.weights[i] * 2 * x * x * x * (r0 * albedo.x + albedo.y);
+            }
+            largest = std::max(largest, share);
+        }
+    }
+    return largest;
+}
+
+/// The worst over a material's roughness: at its ends and in the middle.
+LobeErrors worst_errors(const BakeRequest& request, const RoughnessRange& range, double r0) {
+    LobeErrors worst;
+    for (const Distribution distribution : request.distributions) {
+        const LobeExpansionJob job{.distribution = distribution,
+                                   .exit_bands = request.glossy_bands,
+                                   .light_bands = glossy_light_bands(request)};
+        for (const double roughness : {range.min, (range.min + range.max) / 2, range.max}) {
+            const LobeErrors errors = lobe_errors(job, roughness, r0);
+            worst.per_transport_error =
+                std::max(worst.per_transport_error, errors.per_transport_error);
+            worst.fit = std::max(worst.fit, errors.fit);
+            worst.lost = std::max(worst.lost, errors.lost);
+            if (range.min == range.max) break;
+        }
+    }
+    return worst;
+}
+
+PlannedStage plan_glossy(const BakeRequest& request, const BakeFacts& facts, std::size_t mesh) {
+    const MeshFacts& f = facts.meshes[mesh];
+    const MaterialFacts& material = facts.materials[f.material];
+    PlannedStage stage{concat("mesh/", mesh, "/glossy"), "", std::nullopt};
+    if (request.glossy == GlossyChoice::None) {
+        stage.reason = "not asked for";
+        return stage;
+    }
+    if (f.triangle_count == 0) {
+        stage.reason = "no triangles";
+        return stage;
+    }
+    if (!f.receives) {
+        stage.reason = "marked as receiving nothing";
+        return stage;
+    }
+    if (!has_lobe(material)) {
+        stage.reason = concat("material ", quoted(material.name), " has no specular lobe");
+        return stage;
+    }
+    const RoughnessRange range = glossy_range(request, material);
+    if (range.max < range.min) {
+        stage.reason = concat("material ", quoted(material.name), " has roughness ",
+                              format_number(material.max_roughness), " at most: under ",
+                              format_number(kLeastGlossyRoughness),
+                              " SH cannot show the lobe, environment/mips can");
+        return stage;
+    }
+    const double share = reflected_share(request, range, material.max_r0);
+    if (request.glossy != GlossyChoice::All && share < request.tolerance) {
+        stage.reason = concat("the lobe of material ", quoted(material.name), " reflects ",
+                              percentage(share), " of the light, less than the tolerance");
+        return stage;
+    }
+    PlannedGlossy glossy;
+    glossy.mesh = mesh;
+    glossy.light_bands = glossy_light_bands(request);
+    glossy.errors = worst_errors(request, range, material.max_r0);
+    glossy.with_diffuse = material.max_diffuse_albedo > 0;
+    // Rays for the worse of the two. A metal has no diffuse transport to ask for less.
+    const double factor = glossy.with_diffuse ? std::max(1.0, glossy.errors.per_transport_error)
+                                              : glossy.errors.per_transport_error;
+    glossy.job = DiffuseJob{.bands = request.bands,
+                            .row_bands = glossy.light_bands + runtime::kExtraVisibilityBands,
+                            .tolerance = request.tolerance / factor,
+                            .rays_per_vertex = request.rays_per_vertex,
+                            .seed = request.seed,
+                            .memory_bytes = request.memory_bytes};
+    stage.reason =
+        concat("the lobe of material ", quoted(material.name), " reflects up to ",
+               percentage(share), " of the light; ", request.glossy_bands, " bands miss ",
+               percentage(glossy.errors.lost), " of it at roughness ", format_number(range.min));
+    if (static_cast<double>(material.min_roughness) < range.min)
+        stage.reason += concat("; sharper parts, down to ", format_number(material.min_roughness),
+                               ", are for environment/mips");
+    stage.job = glossy;
+    return stage;
+}
+
+PlannedStage plan_lobe(const BakeRequest& request, const BakeFacts& facts,
+                       const std::vector<PlannedStage>& glossy_stages, Distribution distribution) {
+    const bool ggx = distribution == Distribution::Ggx;
+    PlannedStage stage{ggx ? "brdf/ggx_lobe" : "brdf/beckmann_lobe", "", std::nullopt};
+    if (request.glossy == GlossyChoice::None || !is_asked_for(request, distribution)) {
+        stage.reason = "not asked for";
+        return stage;
+    }
+    RoughnessRange all{1, 0};
+    for (const PlannedStage& other : glossy_stages) {
+        const auto* glossy = other.job ? std::get_if<PlannedGlossy>(&*other.job) : nullptr;
+        if (glossy == nullptr) continue;
+        const RoughnessRange range =
+            glossy_range(request, facts.materials[facts.meshes[glossy->mesh].material]);
+        all.min = std::min(all.min, range.min);
+        all.max = std::max(all.max, range.max);
+    }
+    if (all.max < all.min) {
+        stage.reason = "no mesh has glossy transport";
+        return stage;
+    }
+    stage.reason = concat("roughness ", format_number(all.min), " to ", format_number(all.max),
+                          ", ", request.glossy_bands, " bands of exit radiance");
+    stage.job = PlannedLobe{{.distribution = distribution,
+                             .exit_bands = request.glossy_bands,
+                             .light_bands = glossy_light_bands(request),
+                             .roughness = {all.min, all.max}}};
+    return stage;
+}
+
 /// Light between the surfaces of all meshes that have transport.
 PlannedStage plan_bounces(const BakeRequest& request, const BakeFacts& facts,
                           const std::vector<PlannedStage>& stages) {
@@ -289,6 +431,12 @@ void add_bounces_stage(PlannedStage bounces, std::vector<PlannedStage>& stages) 
         if (!bounces.job || diffuse == nullptr || !diffuse->job.shadowed) continue;
         diffuse->bounces = true;
         diffuse->job.tolerance *= kDirectShare;
+        for (PlannedStage& other : stages) {
+            auto* glossy = other.job ? std::get_if<PlannedGlossy>(&*other.job) : nullptr;
+            if (glossy == nullptr || glossy->mesh != diffuse->mesh) continue;
+            glossy->bounces = true;
+            glossy->job.tolerance = std::min(glossy->job.tolerance, diffuse->job.tolerance);
+        }
         if (std::get<PlannedBounces>(*bounces.job).job.emission)
             emitted.push_back({concat("mesh/", diffuse->mesh, "/emitted"),
                                "light of the surfaces that shine", PlannedEmitted{diffuse->mesh}});
@@ -316,6 +464,9 @@ Expected<void> check_request(const BakeRequest& request, const BakeFacts& facts)
                      request.roughness_range->max, ": 0 <= MIN <= MAX <= 1 are possible");
     if (request.table_size < 2 || request.table_size > 1024)
         return usage("--table-size ", request.table_size, ": 2 to 1024 are possible");
+    if (request.glossy_bands < 1 || request.glossy_bands > runtime::kMaxGlossyBands)
+        return usage("--glossy-bands ", request.glossy_bands, ": 1 to ", runtime::kMaxGlossyBands,
+                     " are possible");
     if (request.bounces < 0) return usage("--bounces ", request.bounces, ": 0 or more, or all");
     if (request.rays_per_vertex < 0 || request.rays_per_vertex > 1 << 20)
         return usage("--rays ", request.rays_per_vertex, ": 1 to 1048576 are possible");
@@ -347,6 +498,17 @@ struct ArrayBytes {
         const auto size = static_cast<std::uint64_t>(table.job.size);
         return size * size * 2 * (table.half ? 2 : sizeof(float)) + size * sizeof(float);
     }
+    std::uint64_t operator()(const PlannedLobe& lobe) const {
+        const double steps = 32 * (lobe.job.roughness[1] - lobe.job.roughness[0]);
+        const int exit = lobe.job.exit_bands;
+        return static_cast<std::uint64_t>(std::ceil(steps) + 1) * 2 * sizeof(float) *
+               (runtime::lobe_size(exit, lobe.job.light_bands) +
+                runtime::lobe_size(exit, runtime::kLobeBands));
+    }
+    std::uint64_t operator()(const PlannedGlossy& glossy) const {
+        const auto coeffs = static_cast<std::uint64_t>(glossy.job.row_bands * glossy.job.row_bands);
+        return facts.meshes[glossy.mesh].vertex_count * (coeffs + 3) * sizeof(float);
+    }
     std::uint64_t operator()(const PlannedDiffuse& diffuse) const {
         const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
         return facts.meshes[diffuse.mesh].vertex_count * coeffs * sizeof(float) *
@@ -367,11 +529,16 @@ void estimate_cost(BakePlan& plan, const BakeFacts& facts) {
     for (const PlannedStage& stage : plan.stages) {
         if (!stage.job) continue;
         plan.output_bytes += std::visit(ArrayBytes{facts, bounce_channels}, *stage.job);
+        const auto add_rays = [&](std::size_t mesh, const DiffuseJob& job) {
+            const MeshFacts& f = facts.meshes[mesh];
+            plan.ray_count += (f.vertex_count - f.free_vertex_count) *
+                              static_cast<std::uint64_t>(expected_rays_per_vertex(job));
+        };
+        if (const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job))
+            add_rays(glossy->mesh, glossy->job);
         const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
-        if (diffuse == nullptr || !diffuse->job.shadowed) continue;
-        const MeshFacts& f = facts.meshes[diffuse->mesh];
-        plan.ray_count += (f.vertex_count - f.free_vertex_count) *
-                          static_cast<std::uint64_t>(expected_rays_per_vertex(diffuse->job));
+        if (diffuse != nullptr && diffuse->job.shadowed && !diffuse->from_glossy)
+            add_rays(diffuse->mesh, diffuse->job);
     }
 }
 
@@ -388,8 +555,18 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
         plan.stages.push_back(plan_mips(request, facts, need, d));
     for (const Distribution d : {Distribution::Ggx, Distribution::Beckmann})
         plan.stages.push_back(plan_table(request, facts, need, d));
+    std::vector<PlannedStage> glossy;
+    for (std::size_t mesh = 0; mesh < facts.meshes.size(); ++mesh)
+        glossy.push_back(plan_glossy(request, facts, mesh));
+    if (facts.has_scene)
+        for (const Distribution d : {Distribution::Ggx, Distribution::Beckmann})
+            plan.stages.push_back(plan_lobe(request, facts, glossy, d));
     for (std::size_t mesh = 0; mesh < facts.meshes.size(); ++mesh) {
+        plan.stages.push_back(std::move(glossy[mesh]));
+        const bool from_glossy = plan.stages.back().job.has_value();
         plan.stages.push_back(plan_diffuse(request, facts, mesh, true));
+        if (from_glossy && plan.stages.back().job)
+            std::get<PlannedDiffuse>(*plan.stages.back().job).from_glossy = true;
         if (!facts.meshes[mesh].casts)
             plan.stages.back().reason += "; the mesh is marked as casting nothing";
         plan.stages.push_back(plan_diffuse(request, facts, mesh, false));

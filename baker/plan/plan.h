@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "baker/brdf/lobe_expansion.h"
 #include "baker/brdf/table.h"
 #include "baker/core/error.h"
 #include "baker/lighting/mips.h"
@@ -42,10 +43,26 @@ struct PlannedTable {
     bool half = false;  ///< stored as f16
 };
 
-struct PlannedDiffuse {
+/// "brdf/ggx_lobe/unoccluded" and "brdf/ggx_lobe/kernel", or those of Beckmann.
+struct PlannedLobe {
+    LobeExpansionJob job;
+};
+
+/// "mesh/I/glossy" and "mesh/I/normal". Before the mesh's diffuse transport: both are of its rays.
+struct PlannedGlossy {
     DiffuseJob job;
     std::size_t mesh = 0;  ///< index into Scene::meshes
-    bool bounces = false;  ///< it waits for PlannedBounces, in memory
+    int light_bands = 5;
+    bool with_diffuse = false;  ///< the first bands of the rows wait for PlannedDiffuse, in memory
+    bool bounces = false;       ///< what the rays met waits for PlannedBounces
+    LobeErrors errors;          ///< of the material's lobe, the worst of its roughness
+};
+
+struct PlannedDiffuse {
+    DiffuseJob job;
+    std::size_t mesh = 0;      ///< index into Scene::meshes
+    bool from_glossy = false;  ///< PlannedGlossy has baked it
+    bool bounces = false;      ///< it waits for PlannedBounces, in memory
 };
 
 /// Adds bounces to all the transport that waits, and writes it.
@@ -58,8 +75,12 @@ struct PlannedEmitted {
     std::size_t mesh = 0;
 };
 
-using Job = std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedDiffuse,
-                         PlannedBounces, PlannedEmitted>;
+using Job = std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedLobe,
+                         PlannedGlossy, PlannedDiffuse, PlannedBounces, PlannedEmitted>;
+
+/// Below this roughness five bands miss so much of a GGX lobe that prefiltered mips are the better
+/// picture, shadows or not: docs/accuracy.md has the curve.
+inline constexpr double kLeastGlossyRoughness = 0.4;
 
 struct PlannedStage {
     std::string output;      ///< array name or prefix: "environment/mips"; or "bounces"

@@ -57,7 +57,8 @@ class DiffuseBake {
           tracer_(tracer),
           blocked_(blocked),
           mesh_(scene.meshes[mesh]),
-          coeffs_(static_cast<std::size_t>(sh::coeff_count(job.bands))),
+          row_bands_(std::max(job.bands, job.row_bands)),
+          coeffs_(static_cast<std::size_t>(sh::coeff_count(row_bands_))),
           points_(scene.meshes[mesh]) {}
 
     Expected<DiffuseReport> run(const std::function<Expected<void>(std::span<const float>)>& sink,
@@ -78,7 +79,8 @@ class DiffuseBake {
     const Tracer& tracer_;
     BlockedRays* blocked_;
     const Mesh& mesh_;
-    std::size_t coeffs_;
+    int row_bands_;
+    std::size_t coeffs_;  ///< of a row
     SurfacePoints points_;
     std::vector<std::uint32_t> copies_;  ///< of each representative, itself included
     std::vector<std::uint32_t> sample_;  ///< some of those that need rays
@@ -145,15 +147,16 @@ std::vector<BakedTwice> DiffuseBake::bake_twice(const RaySet& set,
     std::vector<BakedTwice> baked(sample.size());
     std::vector<int> rays(sample.size());
     const double norm = unoccluded_norm(job_.bands);
+    const auto coeffs = static_cast<std::size_t>(sh::coeff_count(job_.bands));
     parallel_for(sample.size(), [&](std::size_t i) {
         const RayOrigin origin = points_.origin(sample[i], tracer_.space());
-        std::vector<float> row(coeffs_), other(coeffs_);
+        std::vector<float> row(coeffs), other(coeffs);
         const Traced first =
             visible_transport(set, tracer_, origin, 2 * pi * random(sample[i], kResultTurns), row);
         const Traced second = visible_transport(
             set, tracer_, origin, 2 * pi * random(sample[i], kSecondTurns), other, Stop::Never);
         double square = 0;
-        for (std::size_t c = 0; c < coeffs_; ++c) {
+        for (std::size_t c = 0; c < coeffs; ++c) {
             const double difference = double{row[c]} - double{other[c]};
             square += difference * difference;
         }
@@ -238,8 +241,8 @@ Traced DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row) const {
     if (!is_open(origin))
         return visible_transport(set_, tracer_, origin, 2 * pi * random(vertex, kResultTurns), row,
                                  Stop::WhereSolved, masks_of(vertex));
-    std::array<double, sh::coeff_count(sh::kMaxBundleBands)> exact;
-    unoccluded_transport(job_.bands, origin.normal, exact);
+    std::array<double, sh::coeff_count(kMaxRowBands)> exact;
+    unoccluded_transport(row_bands_, origin.normal, exact);
     for (std::size_t i = 0; i < row.size(); ++i) row[i] = static_cast<float>(exact[i]);
     return {};
 }
@@ -328,6 +331,9 @@ Expected<void> check(const DiffuseJob& job) {
     if (job.bands < 1 || job.bands > sh::kMaxBundleBands)
         return Error{Errc::Usage, concat("diffuse transport: ", job.bands, " bands; 1 to ",
                                          sh::kMaxBundleBands, " are possible")};
+    if (job.row_bands != 0 && (job.row_bands < job.bands || job.row_bands > kMaxRowBands))
+        return Error{Errc::Usage, concat("diffuse transport: rows of ", job.row_bands, " bands; ",
+                                         job.bands, " to ", kMaxRowBands, " are possible")};
     if (!(job.tolerance > 0))
         return Error{Errc::Usage, concat("diffuse transport: a tolerance of ", job.tolerance,
                                          "; it must be above 0")};

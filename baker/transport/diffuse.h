@@ -16,7 +16,8 @@
 namespace envbake {
 
 struct DiffuseJob {
-    int bands = 5;            ///< 1 .. 10
+    int bands = 5;            ///< 1 .. 10; of the error, and of what the rays are chosen for
+    int row_bands = 0;        ///< bands of a row, bands .. 11; 0: as many as `bands`
     bool shadowed = true;     ///< false: the analytic unoccluded answer, no rays
     double tolerance = 1e-2;  ///< rms over vertices of |T - T_true|_2 / |T_unoccluded|_2
     int rays_per_vertex = 0;  ///< 0: chosen from the tolerance
@@ -73,14 +74,15 @@ struct BlockedRays {
                     const TraceSpace& space) const;
 };
 
-/// Bakes "mesh/I/diffuse", [vertices, bands^2] f32:
+/// Bakes "mesh/I/diffuse" or, with more bands, "mesh/I/glossy", [vertices, row_bands^2] f32:
 ///
 ///     T_i = 1/pi * integral of V(w) max(0, n.w) Y_i(w) dw
 ///
 /// with n the shading normal and V the visibility from the vertex among all the scene's occluders
 /// (SurfacePoints says where exactly rays start). The result is T_unoccluded less the blocked rays
 /// of one quadrature set (RaySet), turned about each normal by an angle of the place's own: a
-/// vertex that meets nothing is exactly analytic, one that sees nothing is exactly 0.
+/// vertex that meets nothing is exactly analytic, one that sees nothing is exactly 0. Further bands
+/// of a row change neither the rays nor the bits of the first.
 ///
 /// The ray count N follows the tolerance: a sample of the vertices, baked twice, says how the error
 /// goes with N, and N is what brings the rms over the mesh just below. Where enough of the sample

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -71,7 +72,7 @@ template <int... kLess>
 constexpr std::array<Project, sizeof...(kLess)> projections(std::integer_sequence<int, kLess...>) {
     return {project<kLess + 1>...};
 }
-constexpr auto kProject = projections(std::make_integer_sequence<int, sh::kMaxBundleBands>());
+constexpr auto kProject = projections(std::make_integer_sequence<int, kMaxRowBands>());
 
 }  // namespace
 
@@ -106,10 +107,11 @@ Traced visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigi
 
     std::copy_n(masks.begin(), masks_wanted.size(), masks_wanted.begin());
 
-    std::array<double, sh::coeff_count(sh::kMaxBundleBands)> base{}, sum;
+    const auto bands = static_cast<int>(std::lround(std::sqrt(row.size())));
+    std::array<double, sh::coeff_count(kMaxRowBands)> base{}, sum;
     const bool sum_blocked = 2 * traced.blocked <= traced.rays;
-    if (sum_blocked) unoccluded_transport(set.bands, origin.normal, base);
-    kProject[static_cast<std::size_t>(set.bands - 1)](
+    if (sum_blocked) unoccluded_transport(bands, origin.normal, base);
+    kProject[static_cast<std::size_t>(bands - 1)](
         set, frame, std::span(masks).first(static_cast<std::size_t>(traced.rays / 16)),
         static_cast<std::uint16_t>(sum_blocked ? 0 : 0xffff), sum.data());
     for (std::size_t i = 0; i < row.size(); ++i)

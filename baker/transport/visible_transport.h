@@ -10,6 +10,9 @@
 
 namespace envbake {
 
+/// Most bands that a row may have.
+inline constexpr int kMaxRowBands = 11;
+
 /// What the rays of one place met.
 struct Traced {
     int rays = 0;         ///< traced
@@ -26,7 +29,7 @@ enum class Stop { WhereSolved, Never };
 /// and the rest is not traced.
 ///
 ///   turn_rad  the set is turned about the normal by this angle
-///   row       [set.bands^2]
+///   row       [n^2], n = 1 .. kMaxRowBands; beyond set.bands the quadrature is not exact
 ///   masks     [packets of the set] gets which rays were blocked, bit i of packet p; 0 where not
 ///             traced. Empty: not wanted
 ///

@@ -72,6 +72,7 @@ void share_mirror(const MipsView& ggx, MipsView& beckmann) {
 /// The arrays and metadata fields of one distribution.
 struct Bundle::LobeNames {
     std::string_view mip, mip_count, mip_levels, table, axes, average_albedo;
+    std::string_view lobe, unoccluded, kernel;
 };
 
 /// Hands out pieces of the one block. Without memory it only adds up what will be needed: the same
@@ -140,13 +141,18 @@ format::Expected<Bundle> Bundle::load(format::Expected<format::Reader> reader) n
 format::Expected<void> Bundle::resolve(Arena& arena) noexcept {
     constexpr LobeNames kGgx{"environment/mips/",       "environment/mips/count",
                              "environment/mips/levels", "brdf/ggx",
-                             "brdf/ggx/axes",           "brdf/ggx_average_albedo"};
+                             "brdf/ggx/axes",           "brdf/ggx_average_albedo",
+                             "brdf/ggx_lobe",           "brdf/ggx_lobe/unoccluded",
+                             "brdf/ggx_lobe/kernel"};
     constexpr LobeNames kBeckmann{"environment/mips_beckmann/",
                                   "environment/mips_beckmann/count",
                                   "environment/mips_beckmann/levels",
                                   "brdf/beckmann",
                                   "brdf/beckmann/axes",
-                                  "brdf/beckmann_average_albedo"};
+                                  "brdf/beckmann_average_albedo",
+                                  "brdf/beckmann_lobe",
+                                  "brdf/beckmann_lobe/unoccluded",
+                                  "brdf/beckmann_lobe/kernel"};
     ENVBAKE_TRY_VOID(resolve_lighting(arena));
     ENVBAKE_TRY_VOID(resolve_lights(arena));
     ENVBAKE_TRY_VOID(resolve_mips(kGgx, ggx_.mips, arena));
@@ -154,6 +160,8 @@ format::Expected<void> Bundle::resolve(Arena& arena) noexcept {
     share_mirror(ggx_.mips, beckmann_.mips);
     ENVBAKE_TRY_VOID(resolve_brdf(kGgx, ggx_.brdf, arena));
     ENVBAKE_TRY_VOID(resolve_brdf(kBeckmann, beckmann_.brdf, arena));
+    ENVBAKE_TRY_VOID(resolve_glossy_lobe(kGgx, ggx_.glossy, arena));
+    ENVBAKE_TRY_VOID(resolve_glossy_lobe(kBeckmann, beckmann_.glossy, arena));
     return resolve_meshes(arena);
 }
 
@@ -216,8 +224,10 @@ format::Expected<void> Bundle::resolve_lights(Arena& arena) noexcept {
 }
 
 Distribution Bundle::distribution() const noexcept {
-    const bool has_ggx = ggx_.mips.level_count > 0 || ggx_.brdf.rows > 0;
-    const bool has_beckmann = beckmann_.mips.level_count > 0 || beckmann_.brdf.rows > 0;
+    const auto has = [](const Lobe& lobe) {
+        return lobe.mips.level_count > 0 || lobe.brdf.rows > 0 || lobe.glossy.rows > 0;
+    };
+    const bool has_ggx = has(ggx_), has_beckmann = has(beckmann_);
     return has_beckmann && !has_ggx ? Distribution::Beckmann : Distribution::Ggx;
 }
 
@@ -311,6 +321,78 @@ format::Expected<void> Bundle::resolve_brdf(const LobeNames& names, BrdfTableVie
     return {};
 }
 
+format::Expected<void> Bundle::resolve_glossy_lobe(const LobeNames& names, LobeView& lobe,
+                                                   Arena& arena) noexcept {
+    const std::optional<ArrayInfo> unoccluded = reader_.find(names.unoccluded);
+    if (!unoccluded) return {};
+    const std::optional<JsonCursor> facts = JsonCursor(reader_.metadata()).find(names.lobe);
+    if (!facts) return metadata_error();
+    const auto bands = [&](std::string_view key) {
+        const std::optional<JsonCursor> field = facts->find(key);
+        const std::optional<std::uint64_t> number =
+            field ? field->integer() : std::optional<std::uint64_t>{};
+        return number && *number <= kMaxGlossyBands ? static_cast<int>(*number) : 0;
+    };
+    lobe.exit_bands = bands("exit_bands");
+    lobe.light_bands = bands("light_bands");
+    std::array<double, 2> roughness{};
+    std::size_t count = 0;
+    const std::optional<JsonCursor> range = facts->find("roughness");
+    const bool has_range = range && range->for_each_element([&](const JsonCursor& entry) {
+        const std::optional<double> number = entry.number();
+        if (!number || count == 2 || !(*number >= 0 && *number <= 1)) return false;
+        roughness[count++] = *number;
+        return true;
+    });
+    if (lobe.exit_bands == 0 || lobe.light_bands == 0 || !has_range || count != 2 ||
+        roughness[0] > roughness[1]) {
+        return metadata_error();
+    }
+    lobe.min_roughness = static_cast<float>(roughness[0]);
+    lobe.max_roughness = static_cast<float>(roughness[1]);
+
+    const std::optional<ArrayInfo> kernel = reader_.find(names.kernel);
+    if (!kernel) return Error::at(Errc::ArrayMissing, 0, names.kernel);
+    const auto is_of = [&](const ArrayInfo& info, int columns) {
+        return info.rank == 3 && info.shape[0] == unoccluded->shape[0] && info.shape[1] == 2 &&
+               info.shape[2] == lobe_size(lobe.exit_bands, columns);
+    };
+    const std::uint64_t rows = unoccluded->shape[0];
+    if (!is_of(*unoccluded, lobe.light_bands) || rows < 1 || rows > kMaxTableSize ||
+        (rows == 1) != (roughness[0] == roughness[1])) {
+        return error_in(Errc::ArrayShape, *unoccluded);
+    }
+    if (!is_of(*kernel, kLobeBands)) return error_in(Errc::ArrayShape, *kernel);
+    lobe.rows = static_cast<int>(rows);
+    ENVBAKE_TRY(lobe.unoccluded, place(*unoccluded, arena));
+    ENVBAKE_TRY(lobe.kernel, place(*kernel, arena));
+    return {};
+}
+
+format::Expected<void> Bundle::resolve_glossy(std::uint64_t mesh, GlossyView& glossy,
+                                              Arena& arena) const noexcept {
+    const std::optional<ArrayInfo> visibility = reader_.find(Name("mesh/", mesh, "/glossy"));
+    if (!visibility) return {};
+    const Name normal_name("mesh/", mesh, "/normal");
+    const std::optional<ArrayInfo> normals = reader_.find(normal_name);
+    if (!normals) return Error::at(Errc::ArrayMissing, 0, normal_name);
+    for (int bands = 1; bands <= kMaxGlossyBands; ++bands) {
+        const int of_visibility = bands + kExtraVisibilityBands;
+        if (visibility->shape[1] == static_cast<std::uint64_t>(of_visibility * of_visibility))
+            glossy.light_bands = bands;
+    }
+    if (visibility->rank != 2 || glossy.light_bands == 0 ||
+        visibility->shape[0] != glossy.vertex_count) {
+        return error_in(Errc::ArrayShape, *visibility);
+    }
+    if (normals->rank != 2 || normals->shape[0] != glossy.vertex_count || normals->shape[1] != 3) {
+        return error_in(Errc::ArrayShape, *normals);
+    }
+    ENVBAKE_TRY(glossy.visibility, place(*visibility, arena));
+    ENVBAKE_TRY(glossy.normals, place(*normals, arena));
+    return {};
+}
+
 format::Expected<void> Bundle::resolve_meshes(Arena& arena) noexcept {
     const std::optional<JsonCursor> list = JsonCursor(reader_.metadata()).find("meshes");
     if (!list) return {};
@@ -374,6 +456,11 @@ format::Expected<void> Bundle::resolve_meshes(Arena& arena) noexcept {
                 return false;
             }
             mesh.diffuse.emitted = *values;
+        }
+        mesh.glossy.vertex_count = mesh.vertex_count;
+        if (const auto resolved = resolve_glossy(i, mesh.glossy, arena); !resolved) {
+            error = resolved.error();
+            return false;
         }
         if (storage != nullptr) new (meshes + i) Mesh(mesh);
         ++i;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/pipeline/validate.h"
+#include "baker/core/text.h"
 #include "tests/support/bundle_bytes.h"
 
 #include "envbake/format/reader.h"
@@ -213,6 +214,18 @@ TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
     const auto also = [](std::function<void(Writer&)> add) -> Fault {
         return [add](Content& c) { c.also = add; };
     };
+    const auto add_lobe = [](Writer& w, std::vector<std::uint64_t> unoccluded,
+                             std::vector<std::uint64_t> kernel) {
+        add_ones(w, "brdf/ggx_lobe/unoccluded", std::move(unoccluded));
+        add_ones(w, "brdf/ggx_lobe/kernel", std::move(kernel));
+    };
+    const auto lobe = [&](const char* facts, std::vector<std::uint64_t> unoccluded,
+                          std::vector<std::uint64_t> kernel) -> Fault {
+        return [=](Content& c) {
+            c.replace("\"ggx\":", concat("\"ggx_lobe\":", facts, ",\"ggx\":"));
+            c.also = [=](Writer& w) { add_lobe(w, unoccluded, kernel); };
+        };
+    };
     const auto text = [](const char* from, const char* to) -> Fault {
         return [from, to](Content& c) { c.replace(from, to); };
     };
@@ -352,6 +365,57 @@ TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
          })},
         {183, also([](Writer& w) {
              add_ones(w, "mesh/0/emitted", {2, 4});
+         })},
+        {152, also([](Writer& w) {
+             add_ones(w, "mesh/0/glossy", {2, 49});
+         })},
+        {153, also([=](Writer& w) {
+             add_lobe(w, {1, 2, 3}, {1, 2, 7});
+         })},
+        {153, lobe(R"({"exit_bands":0,"light_bands":1,"roughness":[1,1]})", {1, 2, 1}, {1, 2, 7})},
+        {153, lobe(R"({"exit_bands":1,"light_bands":6,"roughness":[1,1]})", {1, 2, 6}, {1, 2, 7})},
+        {153, lobe(R"({"exit_bands":1,"light_bands":1,"roughness":[1]})", {1, 2, 1}, {1, 2, 7})},
+        {153, lobe(R"({"exit_bands":1,"light_bands":1,"roughness":[1,0]})", {2, 2, 1}, {2, 2, 7})},
+        {153, lobe(R"({"exit_bands":1,"light_bands":1,"roughness":[0,2]})", {2, 2, 1}, {2, 2, 7})},
+        {154, also([](Writer& w) {
+             add_ones(w, "brdf/beckmann_lobe/kernel", {1, 2, 7});
+         })},
+        {155,
+         [&](Content& c) {
+             lobe(R"({"exit_bands":1,"light_bands":1,"roughness":[1,1]})", {1, 2, 1}, {1, 2, 7})(c);
+             c.also = [add = c.also](Writer& w) {
+                 add(w);
+                 add_ones(w, "mesh/0/glossy", {2, 64});
+                 EXPECT_TRUE(w.add<float>("mesh/0/normal", {2, 3},
+                                          std::vector<float>{0, 0, 0, 0.6f, 0, 0.8f}));
+             };
+         }},
+        {156, also([](Writer& w) {
+             add_ones(w, "mesh/0/normal", {2, 3});
+         })},
+        {169, also([](Writer& w) {
+             add_zeros(w, "mesh/0/glossy", {2, 49});
+         })},
+        {184, also([](Writer& w) {
+             add_ones(w, "mesh/0/glossy", {2, 48});
+         })},
+        {184, also([](Writer& w) {
+             add_ones(w, "mesh/0/glossy", {2, 144});
+         })},
+        {185, also([](Writer& w) {
+             add_ones(w, "mesh/0/normal", {2, 2});
+         })},
+        {186, also([](Writer& w) {
+             add_ones(w, "brdf/ggx_lobe/kernel", {1, 14});
+         })},
+        {186, lobe(R"({"exit_bands":2,"light_bands":1,"roughness":[1,1]})", {1, 2, 2}, {1, 2, 19})},
+        {186, lobe(R"({"exit_bands":1,"light_bands":1,"roughness":[0,1]})", {3, 2, 1}, {2, 2, 7})},
+        {186, lobe(R"({"exit_bands":1,"light_bands":1,"roughness":[1,1]})", {2, 2, 1}, {2, 2, 7})},
+        {187, also([](Writer& w) {
+             add_zeros(w, "mesh/0/normal", {2, 3});
+         })},
+        {188, also([](Writer& w) {
+             add_zeros(w, "brdf/ggx_lobe/kernel", {1, 2, 7});
          })},
         {170, also([](Writer& w) {
              add_ones(w, "environment/lights", {1, 8});
@@ -603,6 +667,23 @@ TEST_F(Validate, GreyLatLongMipsOfBothLobesAreGood) {
         add_ones(writer, "brdf/ggx_average_albedo", {2});
         add_ones(writer, "brdf/beckmann", {4, 4, 2});
         add_ones(writer, "brdf/beckmann_average_albedo", {4});
+    };
+    EXPECT_EQ(codes(content), Codes{});
+}
+
+TEST_F(Validate, GlossyTransportOfTwoLobesIsGood) {
+    Content content;
+    const std::string facts = R"({"exit_bands":3,"light_bands":2,"roughness":[0.25,0.75]})";
+    content.replace("\"ggx\":",
+                    "\"ggx_lobe\":" + facts + ",\"beckmann_lobe\":" + facts + ",\"ggx\":");
+    content.also = [](Writer& writer) {
+        for (const std::string lobe : {"brdf/ggx_lobe/", "brdf/beckmann_lobe/"}) {
+            add_ones(writer, lobe + "unoccluded", {17, 2, 3 * 2 + 2 * 1});
+            add_ones(writer, lobe + "kernel", {17, 2, 3 * 7 + 2 * 6 + 1 * 5});
+        }
+        add_ones(writer, "mesh/0/glossy", {2, 64});
+        EXPECT_TRUE(
+            writer.add<float>("mesh/0/normal", {2, 3}, std::vector<float>{0, 0, 0, 0, 1, 0}));
     };
     EXPECT_EQ(codes(content), Codes{});
 }

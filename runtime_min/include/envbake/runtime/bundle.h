@@ -4,6 +4,7 @@
 #include "envbake/format/reader.h"
 #include "envbake/runtime/brdf.h"
 #include "envbake/runtime/half.h"
+#include "envbake/runtime/lobe.h"
 #include "envbake/runtime/mip_layout.h"
 
 #include <array>
@@ -91,6 +92,23 @@ struct TransportView {
         emitted;  ///< [vertex_count, 3]: what shining surfaces send, W sr^-1 m^-2; count 0: none
 };
 
+/// "mesh/I/glossy" and "mesh/I/normal": what glossy.h makes transport matrices from.
+struct GlossyView {
+    std::uint64_t vertex_count = 0;
+    int light_bands = 0;   ///< 1 .. 5; 0: this mesh has none
+    FloatView visibility;  ///< [vertex_count, (light_bands + kExtraVisibilityBands)^2]
+    FloatView normals;     ///< [vertex_count, 3], unit, or 0 of a vertex without one
+};
+
+/// "brdf/ggx_lobe/..." and "brdf/beckmann_lobe/...": the lobe in SH, by roughness (lobe.h).
+struct LobeView {
+    int rows = 0;                                ///< 0: the bundle has none
+    int exit_bands = 0, light_bands = 0;         ///< 1 .. 5
+    float min_roughness = 0, max_roughness = 0;  ///< perceptual, of the first and the last row
+    FloatView unoccluded;  ///< [rows, 2, lobe_size(exit_bands, light_bands)]; a and b
+    FloatView kernel;      ///< [rows, 2, lobe_size(exit_bands, kLobeBands)]
+};
+
 /// A (node, primitive) pair of the default scene, depth first, in file order.
 struct Mesh {
     std::uint32_t node = 0;  ///< glTF indices
@@ -98,6 +116,7 @@ struct Mesh {
     std::uint32_t primitive = 0;
     std::uint64_t vertex_count = 0;
     TransportView diffuse;
+    GlossyView glossy;
 };
 
 /// An array of any name.
@@ -146,6 +165,9 @@ class Bundle {
     const MipsView& mips(Distribution d) const noexcept { return lobe(d).mips; }
     const BrdfTableView& brdf() const noexcept { return brdf(distribution()); }
     const BrdfTableView& brdf(Distribution d) const noexcept { return lobe(d).brdf; }
+    /// For glossy.h.
+    const LobeView& glossy_lobe() const noexcept { return glossy_lobe(distribution()); }
+    const LobeView& glossy_lobe(Distribution d) const noexcept { return lobe(d).glossy; }
 
     std::span<const Mesh> meshes() const noexcept { return meshes_; }
 
@@ -163,6 +185,7 @@ class Bundle {
     struct Lobe {
         MipsView mips;
         BrdfTableView brdf;
+        LobeView glossy;
     };
     struct LobeNames;
 
@@ -180,6 +203,10 @@ class Bundle {
                                         Arena& arena) noexcept;
     format::Expected<void> resolve_brdf(const LobeNames& names, BrdfTableView& brdf,
                                         Arena& arena) noexcept;
+    format::Expected<void> resolve_glossy_lobe(const LobeNames& names, LobeView& lobe,
+                                               Arena& arena) noexcept;
+    format::Expected<void> resolve_glossy(std::uint64_t mesh, GlossyView& glossy,
+                                          Arena& arena) const noexcept;
     format::Expected<void> resolve_meshes(Arena& arena) noexcept;
     format::Expected<FloatView> place(const format::ArrayInfo& info, Arena& arena) const noexcept;
     format::Error metadata_error() const noexcept;

@@ -15,6 +15,7 @@ namespace envbake::sh {
 ///
 /// A size is given in bands: n bands are degrees 0 .. n - 1 and n^2 coefficients.
 
+/// Most bands of lighting and of diffuse transport.
 inline constexpr int kMaxBundleBands = 10;
 
 constexpr int coeff_count(int bands) {
@@ -56,15 +57,17 @@ constexpr double square_of_sectoral_ratio(int m) {
     return m == 1 ? 3.0 : (2.0 * m + 1) / (2.0 * m);  // m = 1 brings in the sqrt2 of the real basis
 }
 
+inline constexpr int kTabledBands = 11;
+
 struct RecurrenceTable {
-    double a[kMaxBundleBands][kMaxBundleBands] = {};
-    double b[kMaxBundleBands][kMaxBundleBands] = {};
-    double sectoral_ratio[kMaxBundleBands] = {};
+    double a[kTabledBands][kTabledBands] = {};
+    double b[kTabledBands][kTabledBands] = {};
+    double sectoral_ratio[kTabledBands] = {};
 
     constexpr RecurrenceTable() {
-        for (int m = 0; m < kMaxBundleBands; ++m) {
+        for (int m = 0; m < kTabledBands; ++m) {
             if (m > 0) sectoral_ratio[m] = constexpr_sqrt(square_of_sectoral_ratio(m));
-            for (int l = m + 1; l < kMaxBundleBands; ++l) {
+            for (int l = m + 1; l < kTabledBands; ++l) {
                 a[l][m] = constexpr_sqrt(square_of_a(l, m));
                 b[l][m] = constexpr_sqrt(square_of_b(l, m));
             }
@@ -74,13 +77,13 @@ struct RecurrenceTable {
 inline constexpr RecurrenceTable kRecurrence;
 
 inline double recurrence_a(int l, int m) {
-    return l < kMaxBundleBands ? kRecurrence.a[l][m] : std::sqrt(square_of_a(l, m));
+    return l < kTabledBands ? kRecurrence.a[l][m] : std::sqrt(square_of_a(l, m));
 }
 inline double recurrence_b(int l, int m) {
-    return l < kMaxBundleBands ? kRecurrence.b[l][m] : std::sqrt(square_of_b(l, m));
+    return l < kTabledBands ? kRecurrence.b[l][m] : std::sqrt(square_of_b(l, m));
 }
 inline double sectoral_ratio(int m) {
-    return m < kMaxBundleBands ? kRecurrence.sectoral_ratio[m]
+    return m < kTabledBands ? kRecurrence.sectoral_ratio[m]
                                : std::sqrt(square_of_sectoral_ratio(m));
 }
 
