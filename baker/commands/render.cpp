@@ -42,6 +42,7 @@ struct RenderOptions {
     std::vector<int> size{1280, 720};
     int sights_per_axis = 3;
     bool white = false;
+    bool split_sum = false;
     double rotate_light_deg = 0;
     int turntable = 0;  ///< pictures; 0: one, of the scene as it is
     std::optional<double> exposure;
@@ -298,6 +299,7 @@ Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostr
     const LightTurn turn(options.rotate_light_deg * kDegree);
     const PreviewOptions preview_options{.sights_per_axis = options.sights_per_axis,
                                          .white_lambert = options.white,
+                                         .split_sum = options.split_sum,
                                          .light_turn = turn};
     if (options.turntable > 0)
         return render_turntable(options, scene, tracer, *bundle, camera, preview_options, progress);
@@ -368,6 +370,8 @@ RunCommand declare_render(CLI::App& app) {
             ->check(CLI::Range(1, 9999));
     app.add_flag("--white", options->white,
                  "White paper in place of every material: the diffuse part alone");
+    app.add_flag("--split-sum", options->split_sum,
+                 "Specular from mips and BRDF table even where there is glossy transport");
     app.add_option("--env", options->environment,
                    "The environment it was baked from; for --reference");
     app.add_flag(

@@ -3,11 +3,14 @@
 
 #include "baker/core/parallel.h"
 #include "baker/render/sight.h"
+#include "envbake/runtime/glossy.h"
 #include "envbake/runtime/sh.h"
 #include "envbake/runtime/shade.h"
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
+#include <memory>
 #include <numbers>
 #include <span>
 #include <vector>
@@ -63,6 +66,32 @@ std::vector<Vec3> vertex_light(const Mesh& mesh, const runtime::TransportView& t
         }
     }
     return light;
+}
+
+/// What reaches every vertex for its glossy side; empty where that is not baked.
+std::vector<runtime::TransferredLight> glossy_light(const runtime::Bundle& bundle,
+                                                    const runtime::GlossyView& transport,
+                                                    const runtime::GlossyLight& light) {
+    if (transport.light_bands == 0 || bundle.glossy_lobe().rows == 0) return {};
+    std::vector<runtime::TransferredLight> transferred(transport.vertex_count);
+    parallel_for(transferred.size(),
+                 [&](std::size_t v) { transferred[v] = light.transfer(transport, v); });
+    return transferred;
+}
+
+/// Radiance of the specular lobe from glossy transport.
+Vec3 glossy_reflected(const runtime::LobeView& lobe,
+                      std::span<const runtime::TransferredLight> vertices,
+                      const std::uint32_t* corner, const SurfacePoint& point,
+                      const SurfaceMaterial& material) {
+    Vec3 sum(0);
+    for (int i = 0; i < 3; ++i) {
+        const runtime::GlossyExit exit =
+            runtime::reflect(lobe, vertices[corner[i]], material.perceptual_roughness,
+                             {material.r0.x, material.r0.y, material.r0.z});
+        sum += point.barycentric[i] * from_runtime(exit.radiance(to_runtime(point.to_viewer)));
+    }
+    return sum;
 }
 
 /// The lights that the environment was extracted of, where they shine now.
@@ -142,6 +171,12 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
     parallel_for(scene.meshes.size(), [&](std::size_t i) {
         light[i] = vertex_light(scene.meshes[i], bundle.meshes()[i].diffuse, lighting);
     });
+    const runtime::LobeView& lobe = bundle.glossy_lobe();
+    const auto glossy_lighting =
+        std::make_unique<runtime::GlossyLight>(lighting, lobe.light_bands);
+    std::vector<std::vector<runtime::TransferredLight>> glossy(scene.meshes.size());
+    for (std::size_t i = 0; i < glossy.size() && !options.split_sum; ++i)
+        glossy[i] = glossy_light(bundle, bundle.meshes()[i].glossy, *glossy_lighting);
 
     const auto shade = [&](const SurfacePoint& point) {
         const SurfaceMaterial material =
@@ -153,7 +188,12 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
                     point.barycentric.z * at[corner[2]]);
         sum += light_reflected(lights, bundle.distribution(), tracer, point, material);
         if (options.white_lambert) return sum;
-        if (material.r0 != Vec3(0)) {
+        if (material.r0 == Vec3(0)) {
+            // No lobe.
+        } else if (!glossy[point.mesh].empty() &&
+                   material.perceptual_roughness > lobe.min_roughness - 1e-3f) {
+            sum += glossy_reflected(lobe, glossy[point.mesh], corner, point, material);
+        } else {
             sum += from_runtime(runtime::specular(
                 bundle, to_runtime(turn.back(point.specular_normal)),
                 to_runtime(turn.back(point.to_viewer)), material.perceptual_roughness,

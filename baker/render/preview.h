@@ -15,6 +15,7 @@ namespace envbake {
 struct PreviewOptions {
     int sights_per_axis = 2;     ///< lines of sight through a pixel, along each axis
     bool white_lambert = false;  ///< albedo 1 and no specular in place of every material
+    bool split_sum = false;      ///< even where there is glossy transport
     LightTurn light_turn{};      ///< since the bake
 };
 
@@ -23,10 +24,14 @@ struct PreviewOptions {
 ///     Lo(v) = Le + albedo * (sum_i l_i T_i, at the vertices, interpolated)
 ///                + prefiltered(reflect(v), roughness) * (R0 A + B)
 ///
+/// or, where a mesh has glossy transport and the bundle a lobe for the roughness, in place of the
+/// last line the radiance of that transport (glossy.h): at the vertices, for the point's own view,
+/// interpolated.
+///
 /// Lights that were extracted from the environment are added with shadows, traced in place of an
 /// engine's shadow map, and stand in the background as discs.
 ///
-/// The two reflections are added as they are, as in reference.h; the specular one has no shadows.
+/// The two reflections are added as they are, as in reference.h; the split sum has no shadows.
 /// A mesh without transport is lit by the irradiance of its normals, without shadows; with
 /// `white_lambert`, which is there to measure transport, it does not count as surface. Behind the
 /// scene stands the sharpest mip of the bundle, or, without mips, its SH lighting.
