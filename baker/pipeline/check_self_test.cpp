@@ -3,13 +3,16 @@
 
 #include "baker/core/error.h"
 
+#include "envbake/runtime/glossy.h"
 #include "envbake/runtime/shade.h"
 
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
+#include <string>
 
 namespace envbake {
 
@@ -32,6 +35,8 @@ class SelfTestCheck {
                      "selftest/specular/value");
         ask_specular(runtime::Distribution::Beckmann, "selftest/specular_beckmann/input",
                      "selftest/specular_beckmann/value");
+        ask_glossy(runtime::Distribution::Ggx, "selftest/glossy/");
+        ask_glossy(runtime::Distribution::Beckmann, "selftest/glossy_beckmann/");
         return std::move(failures_);
     }
 
@@ -102,6 +107,23 @@ class SelfTestCheck {
             const float* q = inputs->data() + 8 * i;
             return runtime::specular(bundle_, distribution, {q[0], q[1], q[2]}, {q[3], q[4], q[5]},
                                      q[6], {q[7], q[7], q[7]});
+        });
+    }
+
+    void ask_glossy(runtime::Distribution distribution, const std::string& group) {
+        const auto vertices = questions<std::uint32_t>((group + "vertex").c_str(), 2);
+        const auto inputs = questions<float>((group + "input").c_str(), 5);
+        if (!vertices || !inputs || vertices->size() / 2 != inputs->size() / 5) return;
+        const runtime::LobeView& lobe = bundle_.glossy_lobe(distribution);
+        const auto light =
+            std::make_unique<runtime::GlossyLight>(bundle_.lighting(), lobe.light_bands);
+        compare((group + "value").c_str(), inputs->size() / 5, [&](std::size_t i) {
+            const std::uint32_t mesh = (*vertices)[2 * i], vertex = (*vertices)[2 * i + 1];
+            const float* q = inputs->data() + 5 * i;
+            if (mesh >= bundle_.meshes().size()) return Rgb{};
+            return runtime::reflect(lobe, light->transfer(bundle_.meshes()[mesh].glossy, vertex),
+                                    q[3], {q[4], q[4], q[4]})
+                .radiance({q[0], q[1], q[2]});
         });
     }
 

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <new>
 #include <numbers>
 #include <utility>
@@ -239,8 +240,15 @@ class Run {
             return add<float>(concat(output, part), {rows, 2, values.size() / (2 * rows)}, values,
                               format::Codec::None);
         };
-        (job.distribution == runtime::Distribution::Ggx ? report_.ggx_lobe
-                                                        : report_.beckmann_lobe) = {job, lobe.rows};
+        const bool ggx = job.distribution == runtime::Distribution::Ggx;
+        (ggx ? report_.ggx_lobe : report_.beckmann_lobe) = {job, lobe.rows};
+        StoredArrays::Lobe& stored = lobe_of(stored_, job.distribution);
+        stored.lobe_rows = lobe.rows;
+        stored.unoccluded = lobe.unoccluded;
+        stored.kernel = lobe.kernel;
+        stored_.exit_bands = job.exit_bands;
+        stored_.light_bands = job.light_bands;
+        std::copy(std::begin(job.roughness), std::end(job.roughness), stored_.lobe_roughness);
         ENVBAKE_TRY_VOID(store("/unoccluded", lobe.unoccluded));
         return store("/kernel", lobe.kernel);
     }
@@ -257,7 +265,9 @@ class Run {
             return output_error(begun.error());
         std::vector<float>& kept = transport_[glossy.mesh].rows;
         if (glossy.with_diffuse) kept.reserve(mesh.vertex_count() * diffuse_size);
+        choose_glossy_vertices(glossy.mesh);
         double blocked_sum = 0;
+        std::uint64_t first_vertex = 0;
         const auto sink = [&](std::span<const float> rows) -> Expected<void> {
             for (std::size_t at = 0; at < rows.size(); at += row_size) {
                 blocked_sum += 1 - static_cast<double>(rows[at]) * std::sqrt(4 * std::numbers::pi);
@@ -265,6 +275,15 @@ class Run {
                     kept.insert(kept.end(), rows.begin() + static_cast<std::ptrdiff_t>(at),
                                 rows.begin() + static_cast<std::ptrdiff_t>(at + diffuse_size));
             }
+            for (auto& asked : stored_.glossy_vertices) {
+                if (asked.mesh != glossy.mesh || asked.vertex < first_vertex) continue;
+                const std::uint64_t at = (asked.vertex - first_vertex) * row_size;
+                if (at < rows.size())
+                    asked.visibility.assign(
+                        rows.begin() + static_cast<std::ptrdiff_t>(at),
+                        rows.begin() + static_cast<std::ptrdiff_t>(at + row_size));
+            }
+            first_vertex += rows.size() / row_size;
             if (auto appended = writer_.append(std::as_bytes(rows)); !appended)
                 return output_error(appended.error());
             return {};
@@ -296,6 +315,11 @@ class Run {
                                      : points.origin(place, tracer_->space()).normal;
             for (int c = 0; c < 3; ++c) normals.push_back(static_cast<float>(normal[c]));
         }
+        for (auto& vertex : stored_.glossy_vertices)
+            if (vertex.mesh == glossy.mesh)
+                for (std::size_t c = 0; c < 3; ++c)
+                    vertex.normal[static_cast<int>(c)] =
+                        normals[3 * std::size_t{vertex.vertex} + c];
         return add<float>(concat("mesh/", glossy.mesh, "/normal"), {mesh.vertex_count(), 3},
                           normals, codec());
     }
@@ -447,6 +471,19 @@ class Run {
         }
     }
 
+    /// A few vertices of the first meshes.
+    void choose_glossy_vertices(std::size_t mesh) {
+        constexpr std::uint64_t kEach = 6, kMost = 12;
+        const std::uint64_t count = inputs_.scene->meshes[mesh].vertex_count();
+        for (std::uint64_t k = 0; k < std::min(kEach, count); ++k)
+            if (stored_.glossy_vertices.size() < kMost)
+                stored_.glossy_vertices.push_back(
+                    {static_cast<std::uint32_t>(mesh),
+                     static_cast<std::uint32_t>((3 * k + 2) * count / (3 * kEach) % count),
+                     {},
+                     {}});
+    }
+
     void keep_self_test_rows(std::size_t mesh, std::uint64_t first_vertex,
                              std::span<const float> rows, std::uint64_t row_size,
                              std::span<const float> emitted = {}) {
@@ -465,7 +502,8 @@ class Run {
     Expected<void> write_self_test() {
         const SelfTest test = make_self_test(stored_);
         for (const auto* values :
-             {&test.irradiance_value, &test.diffuse_value, &test.ggx.value, &test.beckmann.value})
+             {&test.irradiance_value, &test.diffuse_value, &test.ggx.value, &test.beckmann.value,
+              &test.ggx_glossy.value, &test.beckmann_glossy.value})
             ENVBAKE_TRY_VOID(require_finite(*values));
         report_.self_test_tolerance = SelfTest::kTolerance;
         const auto add_rows = [&](const char* name, std::uint64_t columns,
@@ -481,7 +519,15 @@ class Run {
         ENVBAKE_TRY_VOID(add_rows("selftest/specular/input", 8, test.ggx.input));
         ENVBAKE_TRY_VOID(add_rows("selftest/specular/value", 3, test.ggx.value));
         ENVBAKE_TRY_VOID(add_rows("selftest/specular_beckmann/input", 8, test.beckmann.input));
-        return add_rows("selftest/specular_beckmann/value", 3, test.beckmann.value);
+        ENVBAKE_TRY_VOID(add_rows("selftest/specular_beckmann/value", 3, test.beckmann.value));
+        const auto add_glossy = [&](const std::string& group,
+                                    const SelfTest::Glossy& glossy) -> Expected<void> {
+            ENVBAKE_TRY_VOID(add_rows((group + "vertex").c_str(), 2, glossy.vertex));
+            ENVBAKE_TRY_VOID(add_rows((group + "input").c_str(), 5, glossy.input));
+            return add_rows((group + "value").c_str(), 3, glossy.value);
+        };
+        ENVBAKE_TRY_VOID(add_glossy("selftest/glossy/", test.ggx_glossy));
+        return add_glossy("selftest/glossy_beckmann/", test.beckmann_glossy);
     }
 
     const BakeRequest& request_;

@@ -2,11 +2,15 @@
 #include "baker/pipeline/self_test.h"
 
 #include "baker/core/random.h"
+#include "baker/math/frame.h"
+#include "baker/math/quadrature.h"
+#include "envbake/runtime/lobe.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -292,6 +296,146 @@ SelfTest::Specular ask_specular(const StoredArrays& arrays, const StoredArrays::
     return questions;
 }
 
+/// Exit radiance of glossy transport, without rotations and triple products of the basis: light,
+/// and light times the blocked part, are projected onto the basis about the normal by a quadrature
+/// that is exact for them.
+class GlossyAnswers {
+  public:
+    explicit GlossyAnswers(const StoredArrays& arrays) : arrays_(arrays) {
+        const Quadrature rule = gauss_legendre(kNodes);
+        for (std::size_t i = 0; i < rule.nodes.size(); ++i) {
+            const double z = rule.nodes[i], radius = std::sqrt(1 - z * z);
+            for (int k = 0; k < 2 * kNodes; ++k) {
+                const double phi = std::numbers::pi * k / kNodes;
+                nodes_.push_back({radius * std::cos(phi), radius * std::sin(phi), z});
+                weights_.push_back(rule.weights[i] * std::numbers::pi / kNodes);
+                basis_.push_back(
+                    basis(arrays.light_bands + runtime::kExtraVisibilityBands, nodes_.back()));
+                DVec3 light(0);
+                const int shared = std::min(arrays.bands, arrays.light_bands);
+                for (std::size_t i_light = 0; i_light < static_cast<std::size_t>(shared * shared);
+                     ++i_light)
+                    light += basis_.back()[i_light] * DVec3(arrays.sh[3 * i_light],
+                                                            arrays.sh[3 * i_light + 1],
+                                                            arrays.sh[3 * i_light + 2]);
+                light_.push_back(light);
+            }
+        }
+    }
+
+    /// [j] of exit radiance about the normal.
+    std::vector<DVec3> exit(const StoredArrays::Lobe& lobe,
+                            const StoredArrays::GlossyVertex& vertex, const Frame& frame,
+                            double roughness, double r0) const {
+        // What a place that sees everything has more.
+        const int row_bands = arrays_.light_bands + runtime::kExtraVisibilityBands;
+        std::vector<double> missing = basis(row_bands, frame.normal);
+        for (int l = 0; l < row_bands; ++l)
+            for (int m = -l; m <= l; ++m) {
+                const auto at = static_cast<std::size_t>(l * l + l + m);
+                missing[at] *= clamped_cosine(l) / std::numbers::pi;
+                missing[at] -= static_cast<double>(vertex.visibility[at]);
+            }
+        std::vector<double> blocked;  // at the nodes
+        for (const std::vector<double>& Y : basis_)
+            blocked.push_back(std::inner_product(Y.begin(), Y.end(), missing.begin(), 0.0));
+        const int exit_bands = arrays_.exit_bands;
+        std::vector<DVec3> coeffs(static_cast<std::size_t>(exit_bands * exit_bands), DVec3(0));
+        const auto add = [&](const std::vector<float>& table, int bands, bool of_blocked) {
+            for (int k = 0; k < bands; ++k) {
+                for (int m = -k; m <= k; ++m) {
+                    DVec3 moment(0);
+                    for (std::size_t q = 0; q < nodes_.size(); ++q)
+                        moment += weights_[q] * (of_blocked ? -blocked[q] : 1.0) * light_[q] *
+                                  spherical_harmonic(k, m, to_local(frame, nodes_[q]));
+                    for (int j = std::abs(m); j < exit_bands; ++j)
+                        coeffs[static_cast<std::size_t>(j * j + j + m)] +=
+                            element(table, lobe.lobe_rows, bands, std::abs(m), j, k, roughness,
+                                    r0) *
+                            moment;
+                }
+            }
+        };
+        add(lobe.unoccluded, arrays_.light_bands, false);
+        add(lobe.kernel, runtime::kLobeBands, true);
+        return coeffs;
+    }
+
+    DVec3 radiance(const std::vector<DVec3>& exit, const Frame& frame, const DVec3& v) const {
+        DVec3 sum(0);
+        for (int l = 0; l < arrays_.exit_bands; ++l)
+            for (int m = -l; m <= l; ++m)
+                sum += exit[static_cast<std::size_t>(l * l + l + m)] *
+                       spherical_harmonic(l, m, to_local(frame, v));
+        return sum;
+    }
+
+  private:
+    static constexpr int kNodes = 11;  // the products are of degree 20
+
+    static DVec3 to_local(const Frame& frame, const DVec3& w) {
+        return {glm::dot(frame.tangent, w), glm::dot(frame.bitangent, w),
+                glm::dot(frame.normal, w)};
+    }
+
+    /// R0 a + b, linear between rows.
+    double element(const std::vector<float>& table, int rows, int bands, int m, int j, int k,
+                   double roughness, double r0) const {
+        std::size_t size = 0, at = 0;
+        for (int block = 0; block < std::min(arrays_.exit_bands, bands); ++block) {
+            if (block == m) at = size + static_cast<std::size_t>((j - m) * (bands - m) + k - m);
+            size += static_cast<std::size_t>((arrays_.exit_bands - block) * (bands - block));
+        }
+        const auto value = [&](int row) {
+            const std::size_t first = static_cast<std::size_t>(row) * 2 * size + at;
+            return r0 * static_cast<double>(table[first]) +
+                   static_cast<double>(table[first + size]);
+        };
+        if (rows == 1) return value(0);
+        const auto [least, largest] = arrays_.lobe_roughness;
+        const double position =
+            std::clamp((roughness - least) / (largest - least), 0.0, 1.0) * (rows - 1);
+        const int row = std::min(static_cast<int>(position), rows - 2);
+        return value(row) + (position - row) * (value(row + 1) - value(row));
+    }
+
+    static std::vector<double> basis(int bands, const DVec3& w) {
+        std::vector<double> values;
+        for (int l = 0; l < bands; ++l)
+            for (int m = -l; m <= l; ++m) values.push_back(spherical_harmonic(l, m, w));
+        return values;
+    }
+
+    const StoredArrays& arrays_;
+    std::vector<DVec3> nodes_, light_;
+    std::vector<std::vector<double>> basis_;  ///< at the nodes
+    std::vector<double> weights_;
+};
+
+SelfTest::Glossy ask_glossy(const StoredArrays& arrays, const StoredArrays::Lobe& lobe) {
+    SelfTest::Glossy questions;
+    if (arrays.sh.empty() || lobe.lobe_rows == 0) return questions;
+    const GlossyAnswers answers(arrays);
+    const auto [least, largest] = arrays.lobe_roughness;
+    RandomStream random(0, 0x676c6f73, 0);
+    for (const StoredArrays::GlossyVertex& vertex : arrays.glossy_vertices) {
+        if (vertex.normal == Vec3(0)) continue;
+        const Frame frame = frame_about(glm::normalize(DVec3(vertex.normal)));
+        const auto roughness = static_cast<float>(least + (largest - least) * random.next());
+        const auto r0 = static_cast<float>(random.next());
+        DVec3 v = uniform_direction(random);
+        v = as_stored(glm::dot(v, frame.normal) < 0 ? -v : v);
+        if (glm::dot(v, frame.normal) < 0.05) continue;
+        questions.vertex.insert(questions.vertex.end(), {vertex.mesh, vertex.vertex});
+        push(questions.input, v);
+        questions.input.push_back(roughness);
+        questions.input.push_back(r0);
+        push(questions.value,
+             answers.radiance(answers.exit(lobe, vertex, frame, roughness, r0), frame, v));
+    }
+    return questions;
+}
+
 }  // namespace
 
 SelfTest make_self_test(const StoredArrays& arrays) {
@@ -306,6 +450,8 @@ SelfTest make_self_test(const StoredArrays& arrays) {
     }
     test.ggx = ask_specular(arrays, arrays.ggx);
     test.beckmann = ask_specular(arrays, arrays.beckmann);
+    test.ggx_glossy = ask_glossy(arrays, arrays.ggx);
+    test.beckmann_glossy = ask_glossy(arrays, arrays.beckmann);
     return test;
 }
 

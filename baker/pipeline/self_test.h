@@ -25,7 +25,9 @@ struct StoredArrays {
     struct Lobe {
         std::vector<Mip> mips;  ///< ascending levels; empty where skipped
         int table_size = 0;
-        std::vector<float> table;  ///< [roughness, n.v, 2]
+        std::vector<float> table;               ///< [roughness, n.v, 2]
+        int lobe_rows = 0;                      ///< of the lobe in SH
+        std::vector<float> unoccluded, kernel;  ///< [rows, 2, blocks]
     };
     Lobe ggx, beckmann;
     int mip_count = 0;
@@ -39,6 +41,16 @@ struct StoredArrays {
         DVec3 emitted{0};
     };
     std::vector<Vertex> vertices;  ///< a few, spread over the meshes
+
+    struct GlossyVertex {
+        std::uint32_t mesh = 0;
+        std::uint32_t vertex = 0;
+        std::vector<float> visibility;  ///< [(light_bands + 6)^2]
+        Vec3 normal{0};                 ///< 0: the vertex has none
+    };
+    std::vector<GlossyVertex> glossy_vertices;  ///< a few of each mesh
+    int exit_bands = 0, light_bands = 0;
+    double lobe_roughness[2]{0, 0};
 };
 
 /// Questions and right answers that travel with a bundle, so that any reader can check itself:
@@ -57,6 +69,13 @@ struct SelfTest {
         std::vector<float> value;  ///< [k, 3]
     };
     Specular ggx, beckmann;
+
+    struct Glossy {
+        std::vector<std::uint32_t> vertex;  ///< [k, 2]: mesh, vertex
+        std::vector<float> input;           ///< [k, 5]: v, perceptual roughness, R0
+        std::vector<float> value;           ///< [k, 3]
+    };
+    Glossy ggx_glossy, beckmann_glossy;
 };
 
 /// Works the answers out in double from the stored arrays, by the words of docs/format.md and

@@ -71,6 +71,17 @@ constexpr QuestionGroup kSpecularBeckmann{"selftest/specular_beckmann/input",
                                           "selftest/specular_beckmann/value", 8,
                                           format::ElementType::F32};
 
+constexpr QuestionGroup kGlossyVertex{"selftest/glossy/vertex", "selftest/glossy/value", 2,
+                                      format::ElementType::U32};
+constexpr QuestionGroup kGlossyInput{"selftest/glossy/input", "selftest/glossy/value", 5,
+                                     format::ElementType::F32};
+constexpr QuestionGroup kGlossyVertexBeckmann{"selftest/glossy_beckmann/vertex",
+                                              "selftest/glossy_beckmann/value", 2,
+                                              format::ElementType::U32};
+constexpr QuestionGroup kGlossyInputBeckmann{"selftest/glossy_beckmann/input",
+                                             "selftest/glossy_beckmann/value", 5,
+                                             format::ElementType::F32};
+
 /// Takes a decimal number without leading zeros off the front; one that does not fit saturates.
 std::optional<std::uint64_t> take_number(std::string_view& text) {
     const std::size_t size = std::min(text.find_first_not_of("0123456789"), text.size());
@@ -87,7 +98,9 @@ KnownName known_name(std::string_view name) {
     if (name == format::kMetadataName) return {Kind::Metadata};
     if (name == "environment/lights") return {Kind::Lights};
     if (name == "environment/sh" || name == "environment/irradiance") return {Kind::Sh};
-    for (const QuestionGroup& group : {kIrradiance, kDiffuse, kSpecular, kSpecularBeckmann}) {
+    for (const QuestionGroup& group :
+         {kIrradiance, kDiffuse, kSpecular, kSpecularBeckmann, kGlossyVertex, kGlossyInput,
+          kGlossyVertexBeckmann, kGlossyInputBeckmann}) {
         if (name == group.question)
             return {Kind::Question, 0, nullptr, group.columns, group.element};
         if (name == group.answer) return {Kind::Answer, 0, nullptr, 3, format::ElementType::F32};
@@ -623,8 +636,12 @@ class Validation {
         check_group(kIrradiance, has_lighting ? &rule::kIrradianceUnasked : nullptr);
         check_group(kDiffuse, has_lighting && has_diffuse ? &rule::kDiffuseUnasked : nullptr);
         check_group(kSpecular, nullptr);
-        check_group(kSpecularBeckmann, nullptr);
-        check_vertices_asked_for();
+        for (const QuestionGroup& group : {kSpecularBeckmann, kGlossyVertex, kGlossyInput,
+                                           kGlossyVertexBeckmann, kGlossyInputBeckmann})
+            check_group(group, nullptr);
+        check_vertices_asked_for(kDiffuse.question, "/diffuse");
+        check_vertices_asked_for(kGlossyVertex.question, "/glossy");
+        check_vertices_asked_for(kGlossyVertexBeckmann.question, "/glossy");
 
         const Json self_test = member(metadata_, "self_test");
         if (!asked && self_test.is_null()) return;
@@ -640,16 +657,16 @@ class Validation {
     }
 
     /// A question about a vertex has one that is stored.
-    void check_vertices_asked_for() {
-        const auto vertices = reader_.view<std::uint32_t>(kDiffuse.question);
+    void check_vertices_asked_for(const char* question, const char* rows_name) {
+        const auto vertices = reader_.view<std::uint32_t>(question);
         if (!vertices) return;
         for (std::size_t i = 0; i + 1 < vertices->size(); i += 2) {
             const std::uint32_t mesh = (*vertices)[i], vertex = (*vertices)[i + 1];
-            const auto rows = reader_.find(concat("mesh/", mesh, "/diffuse"));
+            const auto rows = reader_.find(concat("mesh/", mesh, rows_name));
             if (rows && vertex < rows->shape[0]) continue;
             add(rule::kVertexAbsent,
-                concat("array ", kDiffuse.question, ": row ", i / 2, " asks for vertex ", vertex,
-                       " of mesh/", mesh, "/diffuse, which is not stored"));
+                concat("array ", question, ": row ", i / 2, " asks for vertex ", vertex,
+                       " of mesh/", mesh, rows_name, ", which is not stored"));
             return;
         }
     }

@@ -332,6 +332,16 @@ TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
                                                   std::vector<std::uint32_t>{0, 2}));
              };
          }},
+        {150, also([](Writer& w) {
+             for (const char* name : {"vertex", "input", "value"}) {
+                 const std::uint64_t columns = name[0] == 'i' ? 5 : name[2] == 'l' ? 3 : 2;
+                 const std::string path = std::string("selftest/glossy/") + name;
+                 if (name[1] == 'e')
+                     add_zeros(w, path, {1, columns});
+                 else
+                     add_ones(w, path, {1, columns});
+             }
+         })},
         {151,
          [](Content& c) {
              c.without = {"specular/value"};
