@@ -88,6 +88,81 @@ TEST(Plan, MarkedMeshes) {
     EXPECT_EQ(stage(plan, "mesh/2/diffuse").reason.find("marked"), std::string::npos);
 }
 
+TEST(Plan, GlossyTransportWhereSHShowsTheLobe) {
+    BakeFacts facts = facts_of(
+        {dielectric(0.5f), metal(0.5f), metal(0.2f), metal(0.5f), dielectric(0.5f), metal(0.5f)});
+    facts.materials[3].min_roughness = 0.1f;
+    facts.materials[4].max_r0 = 0;
+    facts.meshes[5].receives = false;
+    BakeRequest request;
+    const auto glossy = [](const BakePlan& plan, int mesh) -> const PlannedStage& {
+        return stage(plan, "mesh/" + std::to_string(mesh) + "/glossy");
+    };
+    const auto job = [&](const BakePlan& plan, int mesh) {
+        return std::get<PlannedGlossy>(*glossy(plan, mesh).job);
+    };
+    for (int mesh = 0; mesh < 6; ++mesh) {
+        EXPECT_FALSE(glossy(plan_of(facts, request), mesh).job);
+        EXPECT_EQ(glossy(plan_of(facts, request), mesh).reason, "not asked for");
+    }
+    EXPECT_FALSE(stage(plan_of(facts, request), "brdf/ggx_lobe").job);
+
+    request.glossy = GlossyChoice::WhereItShows;
+    BakePlan plan = plan_of(facts, request);
+    EXPECT_TRUE(job(plan, 0).with_diffuse);
+    EXPECT_EQ(job(plan, 0).job.row_bands, 11);
+    EXPECT_EQ(job(plan, 0).light_bands, 5);
+    EXPECT_TRUE(std::get<PlannedDiffuse>(*stage(plan, "mesh/0/diffuse").job).from_glossy);
+    EXPECT_FALSE(job(plan, 1).with_diffuse);
+    EXPECT_FALSE(stage(plan, "mesh/1/diffuse").job);
+    EXPECT_FALSE(glossy(plan, 2).job);
+    EXPECT_NE(glossy(plan, 2).reason.find("roughness 0.2 at most"), std::string::npos);
+    EXPECT_TRUE(glossy(plan, 3).job);
+    EXPECT_NE(glossy(plan, 3).reason.find("sharper parts, down to 0.1"), std::string::npos);
+    EXPECT_NE(glossy(plan, 4).reason.find("no specular lobe"), std::string::npos);
+    EXPECT_EQ(glossy(plan, 5).reason, "marked as receiving nothing");
+    const LobeExpansionJob lobe = std::get<PlannedLobe>(*stage(plan, "brdf/ggx_lobe").job).job;
+    EXPECT_EQ(lobe.roughness[0], kLeastGlossyRoughness);
+    EXPECT_EQ(lobe.roughness[1], 0.5);
+    EXPECT_FALSE(stage(plan, "brdf/beckmann_lobe").job);
+    EXPECT_GT(plan.ray_count, 4 * 900u);  // of meshes 0, 1, 3 and 4
+
+    request.glossy = GlossyChoice::All;
+    request.bands = 3;
+    request.glossy_bands = 4;
+    plan = plan_of(facts, request);
+    EXPECT_TRUE(glossy(plan, 2).job);
+    EXPECT_EQ(job(plan, 2).job.row_bands, 9);
+    EXPECT_FLOAT_EQ(static_cast<float>(
+                        std::get<PlannedLobe>(*stage(plan, "brdf/ggx_lobe").job).job.roughness[0]),
+                    0.1f);
+
+    // A lobe of 4 % reflects less than a tenth, but not less than a thousandth.
+    request.glossy = GlossyChoice::WhereItShows;
+    request.tolerance = 0.1;
+    EXPECT_FALSE(glossy(plan_of(facts, request), 0).job);
+    EXPECT_NE(glossy(plan_of(facts, request), 0).reason.find("less than the tolerance"),
+              std::string::npos);
+    EXPECT_TRUE(glossy(plan_of(facts, request), 1).job);
+
+    request.glossy_bands = 6;
+    EXPECT_FALSE(make_plan(request, facts));
+}
+
+/// The rays are for the worse of diffuse and glossy, and for what bounces leave of the tolerance.
+TEST(Plan, GlossyTransportGetsTheRaysThatItNeeds) {
+    BakeRequest request;
+    request.glossy = GlossyChoice::WhereItShows;
+    const auto tolerance = [&](const MaterialFacts& material) {
+        const BakePlan plan = plan_of(facts_of({material}), request);
+        return std::get<PlannedGlossy>(*stage(plan, "mesh/0/glossy").job).job.tolerance;
+    };
+    EXPECT_EQ(tolerance(dielectric(0.5f)), request.tolerance);
+    EXPECT_LT(tolerance(metal(0.5f)), request.tolerance);
+    request.bounces = 1;
+    EXPECT_LT(tolerance(dielectric(0.5f)), request.tolerance);
+}
+
 TEST(Plan, BouncesWhereTheyAreAskedForAndCanBeSeen) {
     BakeFacts facts = facts_of({dielectric(0.5f), metal(0.5f)});
     BakeRequest request;
