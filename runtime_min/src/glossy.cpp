@@ -26,13 +26,13 @@ std::size_t slot(int l, int m) {
     return static_cast<std::size_t>(sh::index(l, m));
 }
 
-/// The frame about a unit normal. Source: [Duff17], listing 3.
+/// The frame about a unit normal whose bitangent lies in the plane z = 0: world space turned by phi
+/// about +Z, then by theta about its new +Y.
 std::array<Vec3, 3> frame_about(const Vec3& n) {
-    const float sign = std::copysign(1.0f, n[2]);
-    const float a = -1 / (sign + n[2]), b = n[0] * n[1] * a;
-    return {{{1 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]},
-             {b, sign + n[1] * n[1] * a, -n[1]},
-             n}};
+    const float sin_theta = std::sqrt(n[0] * n[0] + n[1] * n[1]);
+    const float cos_phi = sin_theta > 0 ? n[0] / sin_theta : 1;
+    const float sin_phi = sin_theta > 0 ? n[1] / sin_theta : 0;
+    return {{{n[2] * cos_phi, n[2] * sin_phi, -sin_theta}, {-sin_phi, cos_phi, 0}, n}};
 }
 
 Vec3 to_local(const std::array<Vec3, 3>& frame, const Vec3& v) {
@@ -42,13 +42,69 @@ Vec3 to_local(const std::array<Vec3, 3>& frame, const Vec3& v) {
     return local;
 }
 
-/// Turns coefficients from world space to the frame. Empty: the normal was none.
-std::optional<sh::Rotation> rotation_to(const std::array<Vec3, 3>& frame) {
-    sh::Matrix3 matrix;
-    for (std::size_t i = 0; i < 3; ++i)
-        for (std::size_t k = 0; k < 3; ++k) matrix[i][k] = static_cast<double>(frame[i][k]);
-    return sh::Rotation::from_matrix(matrix, kLobeBands);
+/// Four of a kind, turned together: whole vectors.
+using Four = std::array<float, 4>;
+
+/// Coefficients turned by an angle about +Z.
+void turn_about_z(int bands, float cos_angle, float sin_angle, Four* coeffs) {
+    float c = 1, s = 0;  // of m angles
+    for (int m = 1; m < bands; ++m) {
+        const float next = c * cos_angle - s * sin_angle;
+        s = s * cos_angle + c * sin_angle;
+        c = next;
+        for (int l = m; l < bands; ++l) {
+            Four& even = coeffs[slot(l, m)];
+            Four& odd = coeffs[slot(l, -m)];
+            for (std::size_t i = 0; i < 4; ++i) {
+                const float turned = c * even[i] - s * odd[i];
+                odd[i] = s * even[i] + c * odd[i];
+                even[i] = turned;
+            }
+        }
+    }
 }
+
+/// Coefficients times the matrices of the quarter turn, or their transpose: its inverse.
+template <bool kInverse>
+void quarter_turn(int bands, const float* matrix, Four* coeffs) {
+    for (int l = 0; l < bands; ++l) {
+        const auto size = static_cast<std::size_t>(2 * l + 1);
+        Four* band = coeffs + slot(l, -l);
+        std::array<Four, 2 * kLobeBands - 1> sum{};
+        for (std::size_t row = 0; row < size; ++row)
+            for (std::size_t column = 0; column < size; ++column)
+                for (std::size_t i = 0; i < 4; ++i)
+                    sum[row][i] += matrix[kInverse ? column * size + row : row * size + column] *
+                                   band[column][i];
+        std::copy_n(sum.begin(), size, band);
+        matrix += size * size;
+    }
+}
+
+/// Between world space and the frame of frame_about(): by phi about +Z, and by theta about +Y,
+/// which is a turn about +Z between a quarter turn about +X and its inverse.
+struct FrameTurn {
+    const ShQuarterTurn& quarter;
+    const std::array<Vec3, 3>& frame;
+
+    float cos_phi() const { return frame[1][1]; }
+    float minus_sin_phi() const { return frame[1][0]; }
+    float cos_theta() const { return frame[2][2]; }
+    float minus_sin_theta() const { return frame[0][2]; }
+
+    void to_frame(int bands, Four* coeffs) const {
+        turn_about_z(bands, cos_phi(), minus_sin_phi(), coeffs);
+        quarter_turn<false>(bands, quarter.elements.data(), coeffs);
+        turn_about_z(bands, cos_theta(), minus_sin_theta(), coeffs);
+        quarter_turn<true>(bands, quarter.elements.data(), coeffs);
+    }
+    void to_world(int bands, Four* coeffs) const {
+        quarter_turn<false>(bands, quarter.elements.data(), coeffs);
+        turn_about_z(bands, cos_theta(), -minus_sin_theta(), coeffs);
+        quarter_turn<true>(bands, quarter.elements.data(), coeffs);
+        turn_about_z(bands, cos_phi(), -minus_sin_phi(), coeffs);
+    }
+};
 
 /// A product of three basis functions is of degree 20 at most: 11 rows by Gauss and Legendre and 21
 /// columns integrate it exactly.
@@ -120,9 +176,7 @@ struct Row {
 
     float a(std::size_t i) const { return values[i]; }
     float b(std::size_t i) const { return values[size + i]; }
-    double part(std::size_t p, std::size_t i) const {
-        return static_cast<double>(values[p * size + i]);
-    }
+    float part(std::size_t p, std::size_t i) const { return values[p * size + i]; }
 };
 
 Row interpolated(const LobeView& lobe, const FloatView& table, int bands,
@@ -150,6 +204,17 @@ bool fits(const LobeView& lobe, int light_bands) {
 }
 
 }  // namespace
+
+ShQuarterTurn::ShQuarterTurn() noexcept {
+    static_assert(kLobeBands * (4 * kLobeBands * kLobeBands - 1) / 3 == 455);
+    const auto turn =
+        sh::Rotation::from_matrix({{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}}, kLobeBands);  // +Y to +Z
+    std::size_t at = 0;
+    for (int l = 0; l < kLobeBands; ++l)
+        for (int m = -l; m <= l; ++m)
+            for (int k = -l; k <= l; ++k)
+                elements[at++] = static_cast<float>(turn->element(l, m, k));
+}
 
 GlossyLight::GlossyLight(const ShLightingView& lighting, int light_bands) noexcept
     : bands_(std::clamp(light_bands, 0, kMaxGlossyBands)) {
@@ -179,25 +244,34 @@ TransferredLight GlossyLight::transfer(const GlossyView& transport,
     if (transport.light_bands != bands_ || !blocked_part(transport, vertex, normal, blocked))
         return light;
     light.frame = frame_about(normal);
-    const std::optional<sh::Rotation> rotation = rotation_to(light.frame);
-    if (!rotation) return light;
     light.bands = bands_;
 
     const std::size_t rows = square(bands_ + kExtraVisibilityBands);
+    std::array<Four, kMaxKernel> kernel_side{};
     for (std::size_t c = 0; c < 3; ++c) {
-        alignas(64) std::array<float, kColumns> sum{};
-        for (std::size_t m = 0; m < rows; ++m)
-            for (std::size_t k = 0; k < kColumns; ++k) sum[k] += blocked[m] * product_[c][m][k];
-        for (std::size_t k = 0; k < kMaxKernel; ++k) light.blocked[k][c] = sum[k];
+        // So few columns at once that their sums stay in registers.
+        constexpr std::size_t kAtOnce = 28;
+        static_assert(kColumns % kAtOnce == 0);
+        for (std::size_t first = 0; first < kColumns; first += kAtOnce) {
+            std::array<float, kAtOnce> sum{};
+            for (std::size_t m = 0; m < rows; ++m)
+                for (std::size_t k = 0; k < kAtOnce; ++k)
+                    sum[k] += blocked[m] * product_[c][m][first + k];
+            for (std::size_t k = 0; k < kAtOnce && first + k < kMaxKernel; ++k)
+                kernel_side[first + k][c] = sum[k];
+        }
     }
-    const auto turn = [&](std::span<Rgb> coeffs, std::span<const Rgb> from) {
-        return rotation->apply(std::span(from.data()->data(), 3 * from.size()),
-                               std::span(coeffs.data()->data(), 3 * coeffs.size()), 3);
-    };
-    const std::size_t count = square(bands_);
-    if (!turn(light.blocked, light.blocked) ||
-        !turn(std::span(light.lighting).first(count), std::span(lighting_).first(count)))
-        light.bands = 0;
+    std::array<Four, kMaxLight> lighting{};
+    for (std::size_t i = 0; i < square(bands_); ++i)
+        std::copy_n(lighting_[i].begin(), 3, lighting[i].begin());
+
+    const FrameTurn turn{quarter_turn_, light.frame};
+    turn.to_frame(kLobeBands, kernel_side.data());
+    turn.to_frame(bands_, lighting.data());
+    for (std::size_t k = 0; k < kMaxKernel; ++k)
+        std::copy_n(kernel_side[k].begin(), 3, light.blocked[k].begin());
+    for (std::size_t i = 0; i < square(bands_); ++i)
+        std::copy_n(lighting[i].begin(), 3, light.lighting[i].begin());
     return light;
 }
 
@@ -241,8 +315,38 @@ GlossyExit reflect(const LobeView& lobe, const TransferredLight& light, float pe
     return exit;
 }
 
-bool glossy_matrices(const LobeView& lobe, const GlossyView& transport, std::uint64_t vertex,
-                     float perceptual_roughness, std::span<float> out) noexcept {
+GlossyMatrices::GlossyMatrices() noexcept {
+    // Basis functions at the nodes, so that a term is one sum.
+    std::array<std::array<float, kMaxVisibility>, SphereRule::kRows * SphereRule::kColumns> basis;
+    std::array<double, SphereRule::kRows * SphereRule::kColumns> weights;
+    std::size_t node = 0;
+    SphereRule().for_each_node([&](std::span<const double> values, double weight) {
+        for (std::size_t i = 0; i < kMaxVisibility; ++i)
+            basis[node][i] = static_cast<float>(values[i]);
+        weights[node++] = weight;
+    });
+    for (int a = 0; a < kMaxGlossyBands; ++a)
+        for (int i = -a; i <= a; ++i)
+            for (int b = 0; b < kLobeBands; ++b)
+                for (int k = -b; k <= b; ++k)
+                    // The product has degrees |a - b|, |a - b| + 2, ..., a + b.
+                    for (int c = std::abs(a - b); c <= a + b; c += 2)
+                        for (int m = -c; m <= c; ++m) {
+                            double sum = 0;
+                            for (std::size_t q = 0; q < weights.size(); ++q)
+                                sum += weights[q] * static_cast<double>(basis[q][slot(a, i)]) *
+                                       static_cast<double>(basis[q][slot(b, k)]) *
+                                       static_cast<double>(basis[q][slot(c, m)]);
+                            if (std::abs(sum) < 1e-5 || term_count_ == terms_.size()) continue;
+                            terms_[term_count_++] = {static_cast<std::uint8_t>(slot(a, i)),
+                                                     static_cast<std::uint8_t>(slot(b, k)),
+                                                     static_cast<std::uint8_t>(slot(c, m)),
+                                                     static_cast<float>(sum)};
+                        }
+}
+
+bool GlossyMatrices::expand(const LobeView& lobe, const GlossyView& transport, std::uint64_t vertex,
+                            float perceptual_roughness, std::span<float> out) const noexcept {
     if (!fits(lobe, transport.light_bands)) return false;
     const std::size_t light_count = square(lobe.light_bands), exit_count = square(lobe.exit_bands);
     if (out.size() != exit_count * light_count * 2) return false;
@@ -250,56 +354,46 @@ bool glossy_matrices(const LobeView& lobe, const GlossyView& transport, std::uin
     std::array<float, kMaxVisibility> blocked;
     if (!blocked_part(transport, vertex, normal, blocked)) return false;
     const std::array<Vec3, 3> frame = frame_about(normal);
-    const std::optional<sh::Rotation> to_frame = rotation_to(frame);
-    if (!to_frame) return false;
-
-    // sum_m G_ikm B_m, [i][k], of world space.
-    std::array<std::array<double, kMaxKernel>, kMaxLight> transferred{};
-    const std::size_t rows = square(lobe.light_bands + kExtraVisibilityBands);
-    SphereRule().for_each_node([&](std::span<const double> basis, double weight) {
-        double b = 0;
-        for (std::size_t m = 0; m < rows; ++m) b += basis[m] * static_cast<double>(blocked[m]);
-        for (std::size_t i = 0; i < light_count; ++i)
-            for (std::size_t k = 0; k < kMaxKernel; ++k)
-                transferred[i][k] += weight * b * basis[i] * basis[k];
-    });
-
+    const FrameTurn turn{quarter_turn_, frame};
     const Row unoccluded =
         interpolated(lobe, lobe.unoccluded, lobe.light_bands, perceptual_roughness);
     const Row kernel = interpolated(lobe, lobe.kernel, kLobeBands, perceptual_roughness);
-    for (std::size_t i = 0; i < light_count; ++i) {
-        // One column of lighting: Y_i in the frame, and what is blocked of it.
-        std::array<double, kMaxLight> lit{};
-        lit[i] = 1;
-        if (!to_frame->apply(std::span<const double>(lit).first(light_count),
-                             std::span(lit).first(light_count)) ||
-            !to_frame->apply(std::span<const double>(transferred[i]), transferred[i]))
-            return false;
-        for (std::size_t p = 0; p < 2; ++p) {
-            std::array<double, kMaxLight> exit{};
-            for (int j = 0; j < lobe.exit_bands; ++j) {
-                for (int m = -j; m <= j; ++m) {
-                    double sum = 0;
-                    const int order = std::abs(m);
-                    for (int k = order; k < lobe.light_bands; ++k)
-                        sum += unoccluded.part(
-                                   p, lobe_slot(lobe.exit_bands, lobe.light_bands, order, j, k)) *
-                               lit[slot(k, m)];
-                    for (int k = order; k < kLobeBands; ++k)
-                        sum -= kernel.part(p, lobe_slot(lobe.exit_bands, kLobeBands, order, j, k)) *
-                               transferred[i][slot(k, m)];
-                    exit[slot(j, m)] = sum;
+
+    // Four of the lighting's functions at once: each of them, and what is blocked of it.
+    const Term* term = terms_.data();
+    const Term* const end = term + term_count_;
+    for (std::size_t first = 0; first < light_count; first += 4) {
+        std::array<Four, kMaxLight> lit{};
+        std::array<Four, kMaxKernel> transferred{};
+        for (std::size_t lane = 0; lane < 4 && first + lane < light_count; ++lane)
+            lit[first + lane][lane] = 1;
+        for (; term != end && term->light < first + 4; ++term)
+            transferred[term->kernel][term->light - first] +=
+                term->integral * blocked[term->visibility];
+        turn.to_frame(lobe.light_bands, lit.data());
+        turn.to_frame(kLobeBands, transferred.data());
+        for (std::size_t part = 0; part < 2; ++part) {
+            std::array<Four, kMaxLight> exit{};
+            const auto add = [&](const Row& row, int bands, const Four* from, float sign) {
+                for (int m = 0; m < std::min(lobe.exit_bands, bands); ++m) {
+                    for (int j = m; j < lobe.exit_bands; ++j) {
+                        for (int k = m; k < bands; ++k) {
+                            const float t =
+                                sign * row.part(part, lobe_slot(lobe.exit_bands, bands, m, j, k));
+                            for (std::size_t i = 0; i < 4; ++i) {
+                                exit[slot(j, m)][i] += t * from[slot(k, m)][i];
+                                if (m > 0) exit[slot(j, -m)][i] += t * from[slot(k, -m)][i];
+                            }
+                        }
+                    }
                 }
-            }
-            // The turn back to world space is the transpose.
-            for (int j = 0; j < lobe.exit_bands; ++j) {
-                for (int m = -j; m <= j; ++m) {
-                    double sum = 0;
-                    for (int k = -j; k <= j; ++k)
-                        sum += to_frame->element(j, k, m) * exit[slot(j, k)];
-                    out[(slot(j, m) * light_count + i) * 2 + p] = static_cast<float>(sum);
-                }
-            }
+            };
+            add(unoccluded, lobe.light_bands, lit.data(), 1);
+            add(kernel, kLobeBands, transferred.data(), -1);
+            turn.to_world(lobe.exit_bands, exit.data());
+            for (std::size_t j = 0; j < exit_count; ++j)
+                for (std::size_t lane = 0; lane < 4 && first + lane < light_count; ++lane)
+                    out[(j * light_count + first + lane) * 2 + part] = exit[j][lane];
         }
     }
     return true;

@@ -18,6 +18,8 @@ namespace {
 
 using std::numbers::pi;
 
+const GlossyMatrices kMatrices;
+
 /// A lobe and one vertex in memory of their own.
 struct Content {
     int exit_bands = 5, light_bands = 5, rows = 1;
@@ -73,7 +75,7 @@ struct Content {
     std::vector<float> matrices(float roughness = 0.25f) const {
         std::vector<float> t(static_cast<std::size_t>(2 * sh::coeff_count(exit_bands) *
                                                       sh::coeff_count(light_bands)));
-        EXPECT_TRUE(glossy_matrices(lobe(), transport(), 0, roughness, t));
+        EXPECT_TRUE(kMatrices.expand(lobe(), transport(), 0, roughness, t));
         return t;
     }
 };
@@ -215,16 +217,16 @@ TEST(Glossy, WhatIsAbsentReflectsNothing) {
     const GlossyLight lighting({3, coeffs}, 3);
     std::vector<float> t(9 * 9 * 2, 7.0f);
     EXPECT_EQ(lighting.transfer(c.transport(), 1).bands, 0);
-    EXPECT_FALSE(glossy_matrices(c.lobe(), c.transport(), 1, 0.5f, t));
+    EXPECT_FALSE(kMatrices.expand(c.lobe(), c.transport(), 1, 0.5f, t));
     EXPECT_EQ(lighting.transfer({}, 0).bands, 0);
     EXPECT_EQ(GlossyLight({3, coeffs}, 2).transfer(c.transport(), 0).bands, 0);
     EXPECT_EQ(reflect({}, lighting.transfer(c.transport(), 0), 0.5f, {1, 1, 1}).bands, 0);
     EXPECT_EQ(GlossyExit{}.radiance({0, 0, 1}), Rgb{});
-    EXPECT_FALSE(glossy_matrices({}, c.transport(), 0, 0.5f, t));
-    EXPECT_FALSE(glossy_matrices(c.lobe(), c.transport(), 0, 0.5f, std::span(t).first(8)));
+    EXPECT_FALSE(kMatrices.expand({}, c.transport(), 0, 0.5f, t));
+    EXPECT_FALSE(kMatrices.expand(c.lobe(), c.transport(), 0, 0.5f, std::span(t).first(8)));
     c.normal = {0, 0, 0};
     EXPECT_EQ(lighting.transfer(c.transport(), 0).bands, 0);
-    EXPECT_FALSE(glossy_matrices(c.lobe(), c.transport(), 0, 0.5f, t));
+    EXPECT_FALSE(kMatrices.expand(c.lobe(), c.transport(), 0, 0.5f, t));
     EXPECT_EQ(t, std::vector<float>(t.size(), 7.0f));
 }
 

@@ -177,9 +177,9 @@ struct Baked {
     std::vector<std::vector<double>> matrix(double roughness, int part) const {
         const auto exit = static_cast<std::size_t>(lobe_view.exit_bands * lobe_view.exit_bands);
         const auto light = static_cast<std::size_t>(lobe_view.light_bands * lobe_view.light_bands);
+        static const runtime::GlossyMatrices matrices;
         std::vector<float> t(exit * light * 2);
-        EXPECT_TRUE(
-            runtime::glossy_matrices(lobe_view, transport, 0, static_cast<float>(roughness), t));
+        EXPECT_TRUE(matrices.expand(lobe_view, transport, 0, static_cast<float>(roughness), t));
         std::vector<std::vector<double>> result(exit, std::vector<double>(light));
         for (std::size_t j = 0; j < exit; ++j)
             for (std::size_t i = 0; i < light; ++i)

@@ -5,6 +5,7 @@
 #include "envbake/runtime/lobe.h"
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 
@@ -40,7 +41,14 @@ struct TransferredLight {
     std::array<Rgb, kLobeBands * kLobeBands> blocked{};  ///< sum_im G_ikm l_i B_m, turned
 };
 
-/// Lighting, prepared for many vertices: sum_i G_ikm l_i. 82 kB.
+/// A quarter turn about +X of seven bands of coefficients: with turns about +Z, which need no
+/// matrix, it makes every other turn.
+struct ShQuarterTurn {
+    ShQuarterTurn() noexcept;
+    std::array<float, 455> elements;  ///< band by band, row by row
+};
+
+/// Lighting, prepared for many vertices: sum_i G_ikm l_i. 83 kB.
 class GlossyLight {
   public:
     /// Bands of the lighting beyond those of the transport are left out.
@@ -58,6 +66,7 @@ class GlossyLight {
     static_assert(kColumns >= kLobeBands * kLobeBands && kColumns % 8 == 0);
 
     int bands_ = 0;
+    ShQuarterTurn quarter_turn_;
     std::array<Rgb, kMaxGlossyBands * kMaxGlossyBands> lighting_{};
     alignas(64) std::array<
         std::array<std::array<float, kColumns>, kVisibilityBands * kVisibilityBands>, 3> product_{};
@@ -79,12 +88,27 @@ struct GlossyExit {
 [[nodiscard]] GlossyExit reflect(const LobeView& lobe, const TransferredLight& light,
                                  float perceptual_roughness, const Rgb& r0) noexcept;
 
-/// The matrices a and b of one vertex, in world space, for those who store matrices: microseconds.
-///   out   [lobe.exit_bands^2, transport.light_bands^2, 2]: exit, lighting, a and b
-///   return  false, and nothing written: out has another size, the vertex is past the end, or there
-///           is no transport or no lobe of its lighting bands
-[[nodiscard]] bool glossy_matrices(const LobeView& lobe, const GlossyView& transport,
-                                   std::uint64_t vertex, float perceptual_roughness,
-                                   std::span<float> out) noexcept;
+/// Makes matrices, for those who store matrices; one does for all vertices and lobes. 43 kB.
+class GlossyMatrices {
+  public:
+    GlossyMatrices() noexcept;
+
+    /// The matrices a and b of one vertex, in world space: some 80,000 multiply-adds.
+    ///   out   [lobe.exit_bands^2, transport.light_bands^2, 2]: exit, lighting, a and b
+    ///   return  false, and nothing written: out has another size, the vertex is past the end or
+    ///           has no normal, or there is no transport or no lobe of its lighting bands
+    [[nodiscard]] bool expand(const LobeView& lobe, const GlossyView& transport,
+                              std::uint64_t vertex, float perceptual_roughness,
+                              std::span<float> out) const noexcept;
+
+  private:
+    struct Term {
+        std::uint8_t light, kernel, visibility;
+        float integral;
+    };
+    ShQuarterTurn quarter_turn_;
+    std::size_t term_count_ = 0;
+    std::array<Term, 5175> terms_{};  ///< all that are not 0, the lighting's index rising
+};
 
 }  // namespace envbake::runtime
