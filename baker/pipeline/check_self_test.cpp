@@ -121,8 +121,8 @@ class SelfTestCheck {
             const std::uint32_t mesh = (*vertices)[2 * i], vertex = (*vertices)[2 * i + 1];
             const float* q = inputs->data() + 5 * i;
             if (mesh >= bundle_.meshes().size()) return Rgb{};
-            return runtime::reflect(lobe, light->transfer(bundle_.meshes()[mesh].glossy, vertex),
-                                    q[3], {q[4], q[4], q[4]})
+            return runtime::reflect(lobe, light->transfer(bundle_.meshes()[mesh], vertex), q[3],
+                                    {q[4], q[4], q[4]})
                 .radiance({q[0], q[1], q[2]});
         });
     }

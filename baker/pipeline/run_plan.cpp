@@ -477,26 +477,28 @@ class Run {
         const std::uint64_t count = inputs_.scene->meshes[mesh].vertex_count();
         for (std::uint64_t k = 0; k < std::min(kEach, count); ++k)
             if (stored_.glossy_vertices.size() < kMost)
-                stored_.glossy_vertices.push_back(
-                    {static_cast<std::uint32_t>(mesh),
-                     static_cast<std::uint32_t>((3 * k + 2) * count / (3 * kEach) % count),
-                     {},
-                     {}});
+                stored_.glossy_vertices.push_back({.mesh = static_cast<std::uint32_t>(mesh),
+                                                   .vertex = static_cast<std::uint32_t>(
+                                                       (3 * k + 2) * count / (3 * kEach) % count),
+                                                   .visibility = {},
+                                                   .transport = {}});
     }
 
     void keep_self_test_rows(std::size_t mesh, std::uint64_t first_vertex,
                              std::span<const float> rows, std::uint64_t row_size,
                              std::span<const float> emitted = {}) {
-        for (auto& vertex : stored_.vertices) {
-            if (vertex.mesh != mesh || vertex.vertex < first_vertex) continue;
+        const auto keep = [&](auto& vertex) {
+            if (vertex.mesh != mesh || vertex.vertex < first_vertex) return;
             const std::uint64_t row = vertex.vertex - first_vertex;
-            if (row >= rows.size() / row_size) continue;
+            if (row >= rows.size() / row_size) return;
             const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(row * row_size);
             vertex.transport.assign(begin, begin + static_cast<std::ptrdiff_t>(row_size));
             vertex.channels = bounce_channels_;
             for (std::size_t c = 0; c < 3 && !emitted.empty(); ++c)
                 vertex.emitted[static_cast<int>(c)] = static_cast<double>(emitted[3 * row + c]);
-        }
+        };
+        std::for_each(stored_.vertices.begin(), stored_.vertices.end(), keep);
+        std::for_each(stored_.glossy_vertices.begin(), stored_.glossy_vertices.end(), keep);
     }
 
     Expected<void> write_self_test() {

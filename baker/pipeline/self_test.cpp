@@ -339,6 +339,24 @@ class GlossyAnswers {
         std::vector<double> blocked;  // at the nodes
         for (const std::vector<double>& Y : basis_)
             blocked.push_back(std::inner_product(Y.begin(), Y.end(), missing.begin(), 0.0));
+        // What is blocked sends the mean of what diffuse transport has from there.
+        DVec3 from_surfaces = vertex.emitted;
+        const std::size_t shared =
+            std::min(vertex.transport.size() / static_cast<std::size_t>(vertex.channels),
+                     static_cast<std::size_t>(arrays_.light_bands * arrays_.light_bands));
+        for (std::size_t i = 0; i < std::min(shared, arrays_.sh.size() / 3); ++i)
+            for (int c = 0; c < 3; ++c) {
+                const auto channel = static_cast<std::size_t>(c);
+                const auto channels = static_cast<std::size_t>(vertex.channels);
+                from_surfaces[c] +=
+                    static_cast<double>(arrays_.sh[3 * i + channel]) *
+                    (static_cast<double>(vertex.transport[i * channels + channel % channels]) -
+                     static_cast<double>(vertex.visibility[i]));
+            }
+        const double blocked_share = missing[0] * std::sqrt(4 * std::numbers::pi);
+        from_surfaces = blocked_share > 1e-3 && !vertex.transport.empty()
+                            ? from_surfaces / blocked_share
+                            : DVec3(0);
         const int exit_bands = arrays_.exit_bands;
         std::vector<DVec3> coeffs(static_cast<std::size_t>(exit_bands * exit_bands), DVec3(0));
         const auto add = [&](const std::vector<float>& table, int bands, bool of_blocked) {
@@ -346,8 +364,10 @@ class GlossyAnswers {
                 for (int m = -k; m <= k; ++m) {
                     DVec3 moment(0);
                     for (std::size_t q = 0; q < nodes_.size(); ++q)
-                        moment += weights_[q] * (of_blocked ? -blocked[q] : 1.0) * light_[q] *
-                                  spherical_harmonic(k, m, to_local(frame, nodes_[q]));
+                        moment +=
+                            weights_[q] *
+                            (of_blocked ? blocked[q] * (from_surfaces - light_[q]) : light_[q]) *
+                            spherical_harmonic(k, m, to_local(frame, nodes_[q]));
                     for (int j = std::abs(m); j < exit_bands; ++j)
                         coeffs[static_cast<std::size_t>(j * j + j + m)] +=
                             element(table, lobe.lobe_rows, bands, std::abs(m), j, k, roughness,

@@ -47,6 +47,9 @@ struct StoredArrays {
         std::uint32_t vertex = 0;
         std::vector<float> visibility;  ///< [(light_bands + 6)^2]
         Vec3 normal{0};                 ///< 0: the vertex has none
+        std::vector<float> transport;   ///< of its diffuse transport; empty: it has none
+        int channels = 1;
+        DVec3 emitted{0};
     };
     std::vector<GlossyVertex> glossy_vertices;  ///< a few of each mesh
     int exit_bands = 0, light_bands = 0;

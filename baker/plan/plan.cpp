@@ -186,7 +186,7 @@ PlannedStage plan_table(const BakeRequest& request, const BakeFacts& facts,
 }
 
 PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, std::size_t mesh,
-                          bool shadowed) {
+                          bool shadowed, bool from_glossy = false) {
     const MeshFacts& f = facts.meshes[mesh];
     PlannedStage stage{concat("mesh/", mesh, shadowed ? "/diffuse" : "/unshadowed"), "",
                        std::nullopt};
@@ -203,12 +203,15 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
         return stage;
     }
     const MaterialFacts& material = facts.materials[f.material];
-    if (material.max_diffuse_albedo <= 0) {
+    // A metal that has glossy transport shows what light others send, too.
+    const bool for_the_lobe = material.max_diffuse_albedo <= 0 && from_glossy;
+    if (material.max_diffuse_albedo <= 0 && !(for_the_lobe && request.bounces > 0)) {
         stage.reason = concat("material ", quoted(material.name), " reflects nothing diffusely");
         return stage;
     }
     PlannedDiffuse diffuse;
     diffuse.mesh = mesh;
+    diffuse.from_glossy = from_glossy;
     diffuse.job = DiffuseJob{.bands = request.bands,
                              .shadowed = shadowed,
                              .tolerance = request.tolerance,
@@ -225,6 +228,7 @@ PlannedStage plan_diffuse(const BakeRequest& request, const BakeFacts& facts, st
                               " of the vertices have nothing above them and need no rays");
     else
         stage.reason = "something stands above every vertex";
+    if (for_the_lobe) stage.reason = "for the light that surfaces send into the lobe";
     stage.job = diffuse;
     return stage;
 }
@@ -316,10 +320,11 @@ PlannedStage plan_glossy(const BakeRequest& request, const BakeFacts& facts, std
     glossy.mesh = mesh;
     glossy.light_bands = glossy_light_bands(request);
     glossy.errors = worst_errors(request, range, material.max_r0);
-    glossy.with_diffuse = material.max_diffuse_albedo > 0;
+    glossy.with_diffuse = material.max_diffuse_albedo > 0 || request.bounces > 0;
     // Rays for the worse of the two. A metal has no diffuse transport to ask for less.
-    const double factor = glossy.with_diffuse ? std::max(1.0, glossy.errors.per_transport_error)
-                                              : glossy.errors.per_transport_error;
+    const double factor = material.max_diffuse_albedo > 0
+                              ? std::max(1.0, glossy.errors.per_transport_error)
+                              : glossy.errors.per_transport_error;
     glossy.job = DiffuseJob{.bands = request.bands,
                             .row_bands = glossy.light_bands + runtime::kExtraVisibilityBands,
                             .tolerance = request.tolerance / factor,
@@ -564,9 +569,7 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
     for (std::size_t mesh = 0; mesh < facts.meshes.size(); ++mesh) {
         plan.stages.push_back(std::move(glossy[mesh]));
         const bool from_glossy = plan.stages.back().job.has_value();
-        plan.stages.push_back(plan_diffuse(request, facts, mesh, true));
-        if (from_glossy && plan.stages.back().job)
-            std::get<PlannedDiffuse>(*plan.stages.back().job).from_glossy = true;
+        plan.stages.push_back(plan_diffuse(request, facts, mesh, true, from_glossy));
         if (!facts.meshes[mesh].casts)
             plan.stages.back().reason += "; the mesh is marked as casting nothing";
         plan.stages.push_back(plan_diffuse(request, facts, mesh, false));

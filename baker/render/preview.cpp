@@ -70,12 +70,12 @@ std::vector<Vec3> vertex_light(const Mesh& mesh, const runtime::TransportView& t
 
 /// What reaches every vertex for its glossy side; empty where that is not baked.
 std::vector<runtime::TransferredLight> glossy_light(const runtime::Bundle& bundle,
-                                                    const runtime::GlossyView& transport,
+                                                    const runtime::Mesh& mesh,
                                                     const runtime::GlossyLight& light) {
-    if (transport.light_bands == 0 || bundle.glossy_lobe().rows == 0) return {};
-    std::vector<runtime::TransferredLight> transferred(transport.vertex_count);
+    if (mesh.glossy.light_bands == 0 || bundle.glossy_lobe().rows == 0) return {};
+    std::vector<runtime::TransferredLight> transferred(mesh.vertex_count);
     parallel_for(transferred.size(),
-                 [&](std::size_t v) { transferred[v] = light.transfer(transport, v); });
+                 [&](std::size_t v) { transferred[v] = light.transfer(mesh, v); });
     return transferred;
 }
 
@@ -172,11 +172,10 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
         light[i] = vertex_light(scene.meshes[i], bundle.meshes()[i].diffuse, lighting);
     });
     const runtime::LobeView& lobe = bundle.glossy_lobe();
-    const auto glossy_lighting =
-        std::make_unique<runtime::GlossyLight>(lighting, lobe.light_bands);
+    const auto glossy_lighting = std::make_unique<runtime::GlossyLight>(lighting, lobe.light_bands);
     std::vector<std::vector<runtime::TransferredLight>> glossy(scene.meshes.size());
     for (std::size_t i = 0; i < glossy.size() && !options.split_sum; ++i)
-        glossy[i] = glossy_light(bundle, bundle.meshes()[i].glossy, *glossy_lighting);
+        glossy[i] = glossy_light(bundle, bundle.meshes()[i], *glossy_lighting);
 
     const auto shade = [&](const SurfacePoint& point) {
         const SurfaceMaterial material =

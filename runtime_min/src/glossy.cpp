@@ -169,6 +169,28 @@ bool blocked_part(const GlossyView& transport, std::uint64_t vertex, Vec3& norma
     return true;
 }
 
+/// Radiance that surfaces send to a vertex, the mean over the directions that they block, weighted
+/// by the cosine: what diffuse transport has beyond the sky's, by the blocked share.
+Rgb mean_of_blocked(const Mesh& mesh, std::uint64_t vertex, float blocked_0,
+                    std::span<const Rgb> lighting) {
+    const float blocked_share = blocked_0 * std::sqrt(4 * std::numbers::pi_v<float>);
+    const TransportView& diffuse = mesh.diffuse;
+    if (diffuse.bands == 0 || !(blocked_share > 1e-3f)) return {};
+    const auto channels = static_cast<std::uint64_t>(diffuse.channels);
+    const std::uint64_t row = vertex * square(diffuse.bands) * channels;
+    const std::uint64_t direct = vertex * square(mesh.glossy.light_bands + kExtraVisibilityBands);
+    Rgb sum{};
+    for (std::size_t i = 0; i < square(std::min(diffuse.bands, mesh.glossy.light_bands)); ++i)
+        for (std::size_t c = 0; c < 3; ++c)
+            sum[c] += lighting[i][c] * (diffuse.values[row + i * channels + c % channels] -
+                                        mesh.glossy.visibility[direct + i]);
+    for (std::size_t c = 0; c < 3; ++c) {
+        if (diffuse.emitted.count > 0) sum[c] += diffuse.emitted[3 * vertex + c];
+        sum[c] /= blocked_share;
+    }
+    return sum;
+}
+
 /// The two rows of the lobe's table around a roughness, of one of its arrays; a and b.
 struct Row {
     std::array<float, 2 * lobe_size(kMaxGlossyBands, kLobeBands)> values;
@@ -236,8 +258,8 @@ GlossyLight::GlossyLight(const ShLightingView& lighting, int light_bands) noexce
     });
 }
 
-TransferredLight GlossyLight::transfer(const GlossyView& transport,
-                                       std::uint64_t vertex) const noexcept {
+TransferredLight GlossyLight::transfer(const Mesh& mesh, std::uint64_t vertex) const noexcept {
+    const GlossyView& transport = mesh.glossy;
     TransferredLight light;
     Vec3 normal;
     std::array<float, kMaxVisibility> blocked;
@@ -261,6 +283,9 @@ TransferredLight GlossyLight::transfer(const GlossyView& transport,
                 kernel_side[first + k][c] = sum[k];
         }
     }
+    const Rgb from_surfaces = mean_of_blocked(mesh, vertex, blocked[0], lighting_);
+    for (std::size_t k = 0; k < std::min(rows, kMaxKernel); ++k)
+        for (std::size_t c = 0; c < 3; ++c) kernel_side[k][c] -= from_surfaces[c] * blocked[k];
     std::array<Four, kMaxLight> lighting{};
     for (std::size_t i = 0; i < square(bands_); ++i)
         std::copy_n(lighting_[i].begin(), 3, lighting[i].begin());

@@ -71,6 +71,12 @@ struct Content {
         return {
             1, light_bands, {visibility.data(), visibility.size()}, {normal.data(), normal.size()}};
     }
+    Mesh mesh() const {
+        Mesh mesh;
+        mesh.vertex_count = 1;
+        mesh.glossy = transport();
+        return mesh;
+    }
     /// [exit][light][a, b]
     std::vector<float> matrices(float roughness = 0.25f) const {
         std::vector<float> t(static_cast<std::size_t>(2 * sh::coeff_count(exit_bands) *
@@ -130,7 +136,7 @@ TEST(Glossy, ReflectedLightIsTheMatricesTimesIt) {
         const std::vector<float> coeffs = random_light(light, 7);
         const GlossyLight lighting({light, coeffs}, light);
         const Rgb r0{0.9f, 0.5f, 0.04f};
-        const GlossyExit out = reflect(c.lobe(), lighting.transfer(c.transport(), 0), 0.25f, r0);
+        const GlossyExit out = reflect(c.lobe(), lighting.transfer(c.mesh(), 0), 0.25f, r0);
         ASSERT_EQ(out.bands, exit);
         const std::vector<float> t = c.matrices();
         std::mt19937 random(3);
@@ -186,14 +192,50 @@ TEST(Glossy, NothingDependsOnTheFrame) {
     const Vec3 other_normal = turned(normal);
     other.normal.assign(other_normal.begin(), other_normal.end());
     const GlossyLight other_lighting({4, other_coeffs}, 4);
-    const GlossyExit a = reflect(c.lobe(), lighting.transfer(c.transport(), 0), 0.25f, {1, 1, 1});
+    const GlossyExit a = reflect(c.lobe(), lighting.transfer(c.mesh(), 0), 0.25f, {1, 1, 1});
     const GlossyExit b =
-        reflect(other.lobe(), other_lighting.transfer(other.transport(), 0), 0.25f, {1, 1, 1});
+        reflect(other.lobe(), other_lighting.transfer(other.mesh(), 0), 0.25f, {1, 1, 1});
     for (const Vec3& v : {normal, Vec3{1, 0, 0}, Vec3{0, 0.6f, 0.8f}, Vec3{0, 0, -1}}) {
         const Rgb first = a.radiance(v), second = b.radiance(turned(v));
         for (std::size_t i = 0; i < 3; ++i)
             EXPECT_NEAR(first[i], second[i], 2e-4 * (1 + std::abs(first[i])));
     }
+}
+
+/// A white furnace, R0 = 1 or not: what the scene blocks shines like the sky, and the lobe shows
+/// neither. Emission does the same as light that was reflected.
+TEST(Glossy, LightFromSurfacesFillsWhatTheyBlock) {
+    Content c(5, 5);
+    c.randomise(8);
+    std::vector<float> constant(75, 0.0f);
+    for (std::size_t i = 0; i < 3; ++i) constant[i] = 2 * std::sqrt(std::numbers::pi_v<float>);
+    const GlossyLight light({5, constant}, 5);
+    Content open = c;
+    open.see_everything();
+    const GlossyExit expected =
+        reflect(c.lobe(), light.transfer(open.mesh(), 0), 0.25f, {1, 0.5f, 0});
+
+    c.visibility[0] = 0.6f * open.visibility[0];
+    std::vector<float> diffuse(3 * 16);  // four bands of three channels
+    for (std::size_t i = 0; i < diffuse.size(); ++i) diffuse[i] = c.visibility[i / 3];
+    for (std::size_t i = 0; i < 3; ++i) diffuse[i] = open.visibility[0];
+    Mesh mesh = c.mesh();
+    mesh.diffuse = {1, 4, 3, {diffuse.data(), diffuse.size()}, {}};
+    const GlossyExit reflected = reflect(c.lobe(), light.transfer(mesh, 0), 0.25f, {1, 0.5f, 0});
+
+    for (std::size_t i = 0; i < 3; ++i) diffuse[i] = c.visibility[0];  // what the sky sends alone
+    const std::vector<float> emitted(3, 0.4f);  // of albedo 1: 0.4 of the sky is blocked, by 1
+    mesh.diffuse.emitted = {emitted.data(), 3};
+    const GlossyExit shining = reflect(c.lobe(), light.transfer(mesh, 0), 0.25f, {1, 0.5f, 0});
+    mesh.diffuse.emitted = {};
+    const GlossyExit dark = reflect(c.lobe(), light.transfer(mesh, 0), 0.25f, {1, 0.5f, 0});
+    const GlossyExit direct = reflect(c.lobe(), light.transfer(c.mesh(), 0), 0.25f, {1, 0.5f, 0});
+    for (std::size_t j = 0; j < 25; ++j)
+        for (std::size_t i = 0; i < 3; ++i) {
+            EXPECT_NEAR(reflected.coeffs[j][i], expected.coeffs[j][i], 1e-3);
+            EXPECT_NEAR(shining.coeffs[j][i], expected.coeffs[j][i], 1e-3);
+            EXPECT_EQ(dark.coeffs[j][i], direct.coeffs[j][i]);
+        }
 }
 
 TEST(Glossy, RowsAreInterpolatedAndTheLastHolds) {
@@ -216,16 +258,16 @@ TEST(Glossy, WhatIsAbsentReflectsNothing) {
     const std::vector<float> coeffs = random_light(3, 2);
     const GlossyLight lighting({3, coeffs}, 3);
     std::vector<float> t(9 * 9 * 2, 7.0f);
-    EXPECT_EQ(lighting.transfer(c.transport(), 1).bands, 0);
+    EXPECT_EQ(lighting.transfer(c.mesh(), 1).bands, 0);
     EXPECT_FALSE(kMatrices.expand(c.lobe(), c.transport(), 1, 0.5f, t));
     EXPECT_EQ(lighting.transfer({}, 0).bands, 0);
-    EXPECT_EQ(GlossyLight({3, coeffs}, 2).transfer(c.transport(), 0).bands, 0);
-    EXPECT_EQ(reflect({}, lighting.transfer(c.transport(), 0), 0.5f, {1, 1, 1}).bands, 0);
+    EXPECT_EQ(GlossyLight({3, coeffs}, 2).transfer(c.mesh(), 0).bands, 0);
+    EXPECT_EQ(reflect({}, lighting.transfer(c.mesh(), 0), 0.5f, {1, 1, 1}).bands, 0);
     EXPECT_EQ(GlossyExit{}.radiance({0, 0, 1}), Rgb{});
     EXPECT_FALSE(kMatrices.expand({}, c.transport(), 0, 0.5f, t));
     EXPECT_FALSE(kMatrices.expand(c.lobe(), c.transport(), 0, 0.5f, std::span(t).first(8)));
     c.normal = {0, 0, 0};
-    EXPECT_EQ(lighting.transfer(c.transport(), 0).bands, 0);
+    EXPECT_EQ(lighting.transfer(c.mesh(), 0).bands, 0);
     EXPECT_FALSE(kMatrices.expand(c.lobe(), c.transport(), 0, 0.5f, t));
     EXPECT_EQ(t, std::vector<float>(t.size(), 7.0f));
 }
@@ -239,7 +281,7 @@ TEST(Glossy, ViewsFromBelowGraze) {
     const GlossyLight lighting({5, coeffs}, 2);
     const GlossyLight fewer({2, std::span(coeffs).first(12)}, 2);
     const auto exit = [&](const GlossyLight& light) {
-        return reflect(c.lobe(), light.transfer(c.transport(), 0), 0.25f, {1, 1, 1});
+        return reflect(c.lobe(), light.transfer(c.mesh(), 0), 0.25f, {1, 1, 1});
     };
     const Rgb below = exit(lighting).radiance({0.6f, 0, -0.8f});
     EXPECT_EQ(below, exit(fewer).radiance({1, 0, 0}));

@@ -29,7 +29,9 @@ namespace envbake::runtime {
 //
 //     t_ij = u_ji - sum_k k_jk sum_m G_ikm B_m       (u and k turned to the vertex' normal)
 //
-// So a vertex that sees everything has exactly the lobe's own matrix. [Sloan02] section 4 stores
+// So a vertex that sees everything has exactly the lobe's own matrix. Where light bounces, the
+// blocked directions send light themselves: the mean of what "mesh/I/diffuse" has from them, all of
+// them the same. In a furnace nothing is lost. [Sloan02] section 4 stores
 // the matrices; that they are products of a vector follows from the basis being closed under
 // multiplication. Nothing here allocates or throws; pure functions, for any number of threads.
 
@@ -38,7 +40,8 @@ struct TransferredLight {
     int bands = 0;  ///< of the lighting; 0: nothing reaches it
     std::array<Vec3, 3> frame{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};   ///< tangent, bitangent, normal
     std::array<Rgb, kMaxGlossyBands * kMaxGlossyBands> lighting{};  ///< l_i, turned
-    std::array<Rgb, kLobeBands * kLobeBands> blocked{};  ///< sum_im G_ikm l_i B_m, turned
+    /// sum_im G_ikm l_i B_m, less B_k times the light that surfaces send from there; turned.
+    std::array<Rgb, kLobeBands * kLobeBands> blocked{};
 };
 
 /// A quarter turn about +X of seven bands of coefficients: with turns about +Z, which need no
@@ -56,8 +59,7 @@ class GlossyLight {
 
     /// Some 20,000 multiply-adds. Of a vertex past the end, or of a mesh without glossy transport
     /// or with that of other bands: nothing.
-    [[nodiscard]] TransferredLight transfer(const GlossyView& transport,
-                                            std::uint64_t vertex) const noexcept;
+    [[nodiscard]] TransferredLight transfer(const Mesh& mesh, std::uint64_t vertex) const noexcept;
 
   private:
     static constexpr int kVisibilityBands = kMaxGlossyBands + kExtraVisibilityBands;
@@ -93,7 +95,8 @@ class GlossyMatrices {
   public:
     GlossyMatrices() noexcept;
 
-    /// The matrices a and b of one vertex, in world space: some 80,000 multiply-adds.
+    /// The matrices a and b of one vertex, in world space, without light between surfaces: some
+    /// 80,000 multiply-adds.
     ///   out   [lobe.exit_bands^2, transport.light_bands^2, 2]: exit, lighting, a and b
     ///   return  false, and nothing written: out has another size, the vertex is past the end or
     ///           has no normal, or there is no transport or no lobe of its lighting bands
