@@ -317,7 +317,7 @@ Expanded expand(const LobeExpansionJob& job, double roughness) {
 }  // namespace
 
 LobeExpansion expand_lobe(const LobeExpansionJob& job) {
-    const auto [least, largest] = job.roughness;
+    const double least = job.roughness[0], largest = job.roughness[1];
     LobeExpansion lobe;
     lobe.rows = least == largest ? 1 : static_cast<int>(std::ceil(32 * (largest - least))) + 1;
     std::vector<Expanded> rows(static_cast<std::size_t>(lobe.rows));
