@@ -86,7 +86,8 @@ class Interreflection {
           transport_(transport),
           coeffs_(static_cast<std::size_t>(sh::coeff_count(job.bands))),
           channels_(static_cast<std::size_t>(job.channels)),
-          places_(scene, with_transport(transport)) {}
+          places_(scene, with_transport(transport)),
+          lamps_(scene) {}
 
     BounceReport run();
 
@@ -127,6 +128,7 @@ class Interreflection {
     std::span<MeshTransport> transport_;
     std::size_t coeffs_, channels_;
     ScenePlaces places_;
+    Lamps lamps_;
     std::vector<std::uint32_t> sample_;  ///< places
     std::vector<double> square_errors_;  ///< of the sample, summed over columns
     double emitted_error_ = 0, emitted_signal_ = 0;
@@ -162,8 +164,8 @@ SeenSurfaces Interreflection::gather(std::span<const std::uint32_t> chosen, doub
                                      double offset, SeenSurfaces::Rays rays) {
     std::vector<float> shares;
     for (const std::uint32_t p : chosen) shares.push_back(blocked_share(p));
-    return SeenSurfaces(scene_, tracer_, places_, blocked_, chosen, std::move(shares), stride,
-                        offset, rays);
+    return SeenSurfaces(scene_, tracer_, places_, lamps_, blocked_, chosen, std::move(shares),
+                        stride, offset, rays);
 }
 
 /// What the squares of errors are multiplied by since light errs again at each bounce: 1 and the
@@ -205,7 +207,7 @@ double Interreflection::error_at(double stride) {
 
 /// Twice, for the law of the error is a rough one.
 double Interreflection::choose_stride() {
-    if (job_.emission) return 1;  // lamps are small: every ray counts
+    if (job_.emission && lamps_.empty()) return 1;  // what shines may be small: every ray counts
     double rays = 0;
     for (const std::uint32_t p : sample_) rays += blocked_[places_.places[p].mesh].set.ray_count;
     rays /= static_cast<double>(sample_.size());

@@ -67,7 +67,8 @@ struct BounceReport {
 ///
 /// No ray is traced for a bounce: A is gathered once, from rays that the direct transport found
 /// blocked. Some of them do, for light from surfaces is the smaller and smoother part: a sample of
-/// the vertices tells how many, and, with other rays, what they err.
+/// the vertices tells how many, and, with other rays, what they err. What lamps send is not left to
+/// those rays (Lamps).
 ///
 /// The series ends after job.bounces, or where what is left out is bounded below a fiftieth of the
 /// tolerance: A has no negative entry, so where the last term t satisfies A t <= s t everywhere,

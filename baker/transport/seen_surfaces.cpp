@@ -15,7 +15,8 @@ namespace envbake {
 
 namespace {
 
-constexpr std::uint64_t kChoice = 0x73656e;  // random stream
+/// Random streams.
+constexpr std::uint64_t kChoice = 0x73656e, kLampPoints = 0x6c616d70, kOtherLampPoints = 0x6c616d71;
 constexpr float kSteps = 65535;
 
 std::uint16_t steps(float x) {
@@ -66,14 +67,26 @@ ScenePlaces::ScenePlaces(const Scene& scene, const std::vector<bool>& has_transp
 class SeenSurfaces::Gatherer {
   public:
     Gatherer(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
-             std::span<const BlockedRays> blocked, double stride, double offset, Rays rays)
+             const Lamps& lamps, std::span<const BlockedRays> blocked, double stride, double offset,
+             Rays rays)
         : scene_(scene),
           tracer_(tracer),
           places_(places),
+          lamps_(lamps),
           blocked_(blocked),
           stride_(stride),
           offset_(offset),
           rays_(rays) {}
+
+    /// What lamps send to a place.
+    Vec3 lamp_light(std::uint32_t number) const {
+        const auto [mesh, vertex] = places_.places[number];
+        const SurfacePoints& surface = places_.surfaces[mesh];
+        RandomStream random(blocked_[mesh].seed,
+                            rays_ == Rays::New ? kOtherLampPoints : kLampPoints,
+                            surface.stream(vertex, tracer_.space()));
+        return lamps_.light(scene_, tracer_, surface.origin(vertex, tracer_.space()), random);
+    }
 
     /// Appends what the place sees to block.points; returns the mean emission of that.
     Vec3 gather(std::uint32_t number, Block& block) const {
@@ -193,17 +206,18 @@ class SeenSurfaces::Gatherer {
     const Scene& scene_;
     const Tracer& tracer_;
     const ScenePlaces& places_;
+    const Lamps& lamps_;
     std::span<const BlockedRays> blocked_;
     double stride_, offset_;
     Rays rays_;
 };
 
 SeenSurfaces::SeenSurfaces(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
-                           std::span<const BlockedRays> blocked,
+                           const Lamps& lamps, std::span<const BlockedRays> blocked,
                            std::span<const std::uint32_t> chosen, std::vector<float> shares,
                            double stride, double offset, Rays rays)
     : corners_(places.corners), shares_(std::move(shares)), emitted_(chosen.size(), Vec3(0)) {
-    const Gatherer gatherer(scene, tracer, places, blocked, stride, offset, rays);
+    const Gatherer gatherer(scene, tracer, places, lamps, blocked, stride, offset, rays);
     blocks_.resize((chosen.size() + kBlock - 1) / kBlock);
     parallel_for(blocks_.size(), [&](std::size_t b) {
         Block& block = blocks_[b];
@@ -211,6 +225,8 @@ SeenSurfaces::SeenSurfaces(const Scene& scene, const Tracer& tracer, const Scene
             const std::size_t index = b * kBlock + k;
             if (index < chosen.size() && shares_[index] > 0)
                 emitted_[index] = shares_[index] * gatherer.gather(chosen[index], block);
+            if (index < chosen.size() && !lamps.empty())
+                emitted_[index] = gatherer.lamp_light(chosen[index]);
             block.first[k + 1] = static_cast<std::uint32_t>(block.points.size());
         }
         block.points.shrink_to_fit();

@@ -5,6 +5,7 @@
 #include "baker/math/simd.h"
 #include "baker/trace/tracer.h"
 #include "baker/transport/diffuse.h"
+#include "baker/transport/lamps.h"
 #include "baker/transport/ray_origin.h"
 
 #include <array>
@@ -63,13 +64,15 @@ class SeenSurfaces {
         New               ///< the same set turned otherwise, traced first
     };
     /// Follows every `stride`-th blocked ray of each chosen place, at least one.
+    ///   lamps    where there are some, nothing else shines, and they are asked for by themselves
     ///   blocked  [mesh], as bake_diffuse() fills it
     ///   chosen   the places that get a row, by number
     ///   shares   [chosen], F of each; no rays where it is 0
     ///   offset   which of the `stride`: 0 .. 1, added to a random one
     SeenSurfaces(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
-                 std::span<const BlockedRays> blocked, std::span<const std::uint32_t> chosen,
-                 std::vector<float> shares, double stride, double offset, Rays rays);
+                 const Lamps& lamps, std::span<const BlockedRays> blocked,
+                 std::span<const std::uint32_t> chosen, std::vector<float> shares, double stride,
+                 double offset, Rays rays);
 
     std::size_t row_count() const { return shares_.size(); }
     std::uint64_t point_count() const { return point_count_; }
@@ -81,7 +84,8 @@ class SeenSurfaces {
     Float16 reflected(std::size_t row, int channel, std::span<const Float16> columns) const;
     /// F times the mean albedo: B for T = 1.
     double reflectance(std::size_t row, int channel) const;
-    /// F times the mean of what the surfaces emit: W sr^-1 m^-2.
+    /// Light of the surfaces that shine, 1/pi integral of L_e max(0, n.w) dw: by lamps, or F times
+    /// the mean of what the points emit. W sr^-1 m^-2.
     const Vec3& emitted(std::size_t row) const { return emitted_[row]; }
 
   private:
