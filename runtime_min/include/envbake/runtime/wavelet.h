@@ -3,6 +3,7 @@
 
 #include "envbake/runtime/cube.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -50,13 +51,13 @@ constexpr std::size_t coeff_count(int face_size) {
 template <class Real>
 void forward(int n, Real* texels, Real* coeffs) {
     for (int s = n / 2; s >= 1; s /= 2) {
-        // Means go to the front of `texels`, s to a row: never past what is still to be read.
         for (int r = 0; r < s; ++r) {
-            const Real* upper = texels + 4 * r * s;
-            const Real* lower = upper + 2 * s;
-            Real* mean = texels + r * s;
-            Real* across = coeffs + r * n + s;
-            Real* down = coeffs + (s + r) * n;
+            const Real* __restrict upper = texels + 4 * r * s;
+            const Real* __restrict lower = upper + 2 * s;
+            Real* __restrict mean = coeffs + r * n;  // where details of the next levels will stand
+            Real* __restrict across = mean + s;
+            Real* __restrict down = coeffs + (s + r) * n;
+            Real* __restrict diagonal = down + s;
             for (int c = 0; c < s; ++c) {
                 const Real left = upper[2 * c] + lower[2 * c];
                 const Real right = upper[2 * c + 1] + lower[2 * c + 1];
@@ -65,8 +66,10 @@ void forward(int n, Real* texels, Real* coeffs) {
                 mean[c] = (left + right) / 2;
                 across[c] = (left - right) / 2;
                 down[c] = (left_fall + right_fall) / 2;
-                down[s + c] = (left_fall - right_fall) / 2;
+                diagonal[c] = (left_fall - right_fall) / 2;
             }
+            // s to a row, at the front: never past what is still to be read.
+            std::copy_n(mean, s, texels + r * s);
         }
     }
     coeffs[0] = texels[0];
