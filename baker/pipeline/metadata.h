@@ -40,6 +40,18 @@ struct BakeReport {
     std::optional<ShWindow> window;
     std::vector<std::optional<DiffuseReport>> diffuse;  ///< one a mesh
     std::optional<BounceReport> bounces;
+    struct Wavelet {
+        int face_size = 0;
+        float step = 0;  ///< 0: no mesh has transport
+        std::vector<std::pair<std::size_t, WaveletReport>> meshes;
+        struct Light {
+            std::size_t term_count = 0;
+            std::size_t coeff_count = 0;
+            double truncation = 0;
+        };
+        std::optional<Light> light;
+    };
+    std::optional<Wavelet> wavelet;
     double self_test_tolerance = 0;
 };
 

@@ -39,6 +39,14 @@ struct StoredArrays {
         DVec3 emitted{0};
     };
     std::vector<Vertex> vertices;  ///< a few, spread over the meshes
+
+    /// Lit by the stored wavelets, both sides as stored, in double.
+    struct WaveletVertex {
+        std::uint32_t mesh = 0;
+        std::uint32_t vertex = 0;
+        DVec3 exit_radiance{0};
+    };
+    std::vector<WaveletVertex> wavelet_vertices;
 };
 
 /// Questions and right answers that travel with a bundle, so that any reader can check itself:
@@ -51,6 +59,8 @@ struct SelfTest {
     std::vector<float> irradiance_value;        ///< [k, 3]
     std::vector<std::uint32_t> diffuse_vertex;  ///< [k, 2]: mesh, vertex
     std::vector<float> diffuse_value;           ///< [k, 3]: exit radiance for albedo 1
+    std::vector<std::uint32_t> wavelet_vertex;  ///< [k, 2]: mesh, vertex
+    std::vector<float> wavelet_value;           ///< [k, 3]: the same by wavelets
 
     struct Specular {
         std::vector<float> input;  ///< [k, 8]: n, v, perceptual roughness, R0

@@ -18,6 +18,13 @@ struct RoughnessRange {
     double max = 1;
 };
 
+/// Whether wavelets are baked.
+enum class WaveletUse {
+    Never,
+    WhereNeeded,  ///< where SH lose more than the tolerance of hard shadows
+    Always
+};
+
 /// What a person asked for. Nothing here depends on what the inputs turn out to be.
 struct BakeRequest {
     std::filesystem::path scene;        ///< empty: lighting only
@@ -47,6 +54,8 @@ struct BakeRequest {
 
     int bounces = 0;          ///< between surfaces; kAllBounces: until they are too faint
     bool unshadowed = false;  ///< also bake "mesh/I/unshadowed"
+    WaveletUse wavelet = WaveletUse::Never;
+    int wavelet_size = 64;    ///< texels along a face of the basis, wavelet::is_face_size
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;
     std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once

@@ -8,6 +8,7 @@
 #include "baker/plan/facts.h"
 #include "baker/transport/diffuse.h"
 #include "baker/transport/interreflection.h"
+#include "baker/transport/wavelet_transport.h"
 
 #include <cstdint>
 #include <optional>
@@ -58,8 +59,25 @@ struct PlannedEmitted {
     std::size_t mesh = 0;
 };
 
+/// "mesh/I/wavelet/blocks" and "/offsets".
+struct PlannedWavelet {
+    WaveletJob job;
+    std::size_t mesh = 0;
+};
+
+/// "wavelet/weight": how much transport each coefficient meets.
+struct PlannedWaveletWeights {
+    WaveletJob job;
+};
+
+/// "environment/wavelet/index" and "/value".
+struct PlannedWaveletLight {
+    int channels = 3;  ///< 1: the map is grey
+};
+
 using Job = std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedDiffuse,
-                         PlannedBounces, PlannedEmitted>;
+                         PlannedBounces, PlannedEmitted, PlannedWavelet, PlannedWaveletWeights,
+                         PlannedWaveletLight>;
 
 struct PlannedStage {
     std::string output;      ///< array name or prefix: "environment/mips"; or "bounces"

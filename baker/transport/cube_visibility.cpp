@@ -107,37 +107,25 @@ class Rays {
 /// One vertex' look at the cube.
 class CubeLook {
   public:
-    /// Of one call after the other.
-    struct Memory {
-        std::vector<State> states;
-        std::vector<float> cosines;
-    };
-
     CubeLook(const CubeTexels& cube, const Tracer& tracer, const RayOrigin& origin,
-             std::span<float> texels, Memory& memory)
+             std::span<float> texels, std::vector<State>& states)
         : cube_(cube),
           n_(cube.face_size),
-          normal_(origin.normal),
           texels_(texels),
-          states_(memory.states),
-          cosines_(memory.cosines),
+          states_(states),
           rays_(cube, tracer, origin, states_) {
         states_.assign(cube.directions.size(), State::Unknown);
     }
 
+    /// Visibility of each texel.
     int run(Look look) {
         look_around(look);
-        multiply_by_cosine();
         return rays_.count();
     }
 
   private:
     void look_around(Look look) {
         std::vector<Block> blocks, next;
-        if (look == Look::Nowhere) {
-            std::fill(texels_.begin(), texels_.end(), 1.0f);
-            return;
-        }
         if (look == Look::Everywhere) {
             for (std::uint32_t p = 0; p < states_.size(); ++p) rays_.ask(p);
             rays_.trace();
@@ -222,48 +210,45 @@ class CubeLook {
                 static_cast<std::uint16_t>(texel / n % n), static_cast<std::uint16_t>(texel % n)};
     }
 
-    /// Visibility times 1 / pi of the mean of max(0, n.w) over a texel.
-    void multiply_by_cosine() {
-        const Vec3& n = normal_;
-        const std::size_t count = texels_.size();
-        const float *x = cube_.mean_x.data(), *y = x + count, *z = y + count;
-        float* const texels = texels_.data();
-        cosines_.resize(count);
-        float* const cosines = cosines_.data();
-        // Three loops: the first and the last are arithmetic alone.
-        for (std::size_t t = 0; t < count; ++t) cosines[t] = x[t] * n.x + y[t] * n.y + z[t] * n.z;
-        for (std::size_t t = 0; t < count; ++t)
-            if (std::abs(cosines[t]) < cube_.widest && texels[t] > 0)
-                cosines[t] = cosine_at_horizon(t, cosines[t]);
-        constexpr float kInversePi = std::numbers::inv_pi_v<float>;
-        for (std::size_t t = 0; t < count; ++t)
-            texels[t] *= std::max(cosines[t], 0.0f) * kInversePi;
-    }
-    /// Where the horizon crosses a texel, n.w counts as spread evenly between its least and its
-    /// greatest.
-    float cosine_at_horizon(std::size_t texel, float mean) const {
-        const Block b = block_of(texel);
-        float low = 1, high = -1;
-        for (int k = 0; k < 4; ++k) {
-            const std::size_t row = static_cast<std::size_t>(b.face * (n_ + 1) + b.row + k / 2);
-            const std::size_t column = static_cast<std::size_t>(b.column + k % 2);
-            const float x =
-                glm::dot(cube_.corners[row * static_cast<std::size_t>(n_ + 1) + column], normal_);
-            low = std::min(low, x);
-            high = std::max(high, x);
-        }
-        const float half = (high - low) / 2;
-        return mean <= -half ? 0 : mean >= half ? mean : (mean + half) * (mean + half) / (4 * half);
-    }
-
     const CubeTexels& cube_;
     int n_;
-    Vec3 normal_;
     std::span<float> texels_;
     std::vector<State>& states_;
-    std::vector<float>& cosines_;
     Rays rays_;
 };
+
+/// The mean of max(0, n.w) over a texel that the horizon crosses: n.w counts as spread evenly
+/// between its least and its greatest.
+float cosine_at_horizon(const CubeTexels& cube, std::size_t texel, const Vec3& normal, float mean) {
+    const auto n = static_cast<std::size_t>(cube.face_size);
+    const Vec3* corner =
+        &cube.corners[(texel / (n * n) * (n + 1) + texel / n % n) * (n + 1) + texel % n];
+    float low = 1, high = -1;
+    for (const std::size_t k : {std::size_t{0}, std::size_t{1}, n + 1, n + 2}) {
+        const float x = glm::dot(corner[k], normal);
+        low = std::min(low, x);
+        high = std::max(high, x);
+    }
+    const float half = (high - low) / 2;
+    return mean <= -half ? 0 : mean >= half ? mean : (mean + half) * (mean + half) / (4 * half);
+}
+
+/// Visibility becomes transport: times 1 / pi of the mean of max(0, n.w) over a texel.
+void multiply_by_cosine(const CubeTexels& cube, const Vec3& n, std::span<float> transport) {
+    const std::size_t count = transport.size();
+    const float *x = cube.mean_x.data(), *y = x + count, *z = y + count;
+    float* const texels = transport.data();
+    thread_local std::vector<float> memory;
+    memory.resize(count);
+    float* const cosines = memory.data();
+    // Three loops: the first and the last are arithmetic alone.
+    for (std::size_t t = 0; t < count; ++t) cosines[t] = x[t] * n.x + y[t] * n.y + z[t] * n.z;
+    for (std::size_t t = 0; t < count; ++t)
+        if (std::abs(cosines[t]) < cube.widest && texels[t] > 0)
+            cosines[t] = cosine_at_horizon(cube, t, n, cosines[t]);
+    constexpr float kInversePi = std::numbers::inv_pi_v<float>;
+    for (std::size_t t = 0; t < count; ++t) texels[t] *= std::max(cosines[t], 0.0f) * kInversePi;
+}
 
 }  // namespace
 
@@ -313,8 +298,15 @@ CubeTexels::CubeTexels(int size) : face_size(size), coarsest(std::max(1, size / 
 
 int texel_transport(const CubeTexels& cube, const Tracer& tracer, const RayOrigin& origin,
                     std::span<float> texels, Look look) {
-    thread_local CubeLook::Memory memory;
-    return CubeLook(cube, tracer, origin, texels, memory).run(look);
+    thread_local std::vector<State> states;
+    const int rays = CubeLook(cube, tracer, origin, texels, states).run(look);
+    multiply_by_cosine(cube, Vec3(origin.normal), texels);
+    return rays;
+}
+
+void open_texel_transport(const CubeTexels& cube, const DVec3& normal, std::span<float> texels) {
+    std::fill(texels.begin(), texels.end(), 1.0f);
+    multiply_by_cosine(cube, Vec3(normal), texels);
 }
 
 }  // namespace envbake

@@ -37,7 +37,6 @@ struct CubeTexels {
 enum class Look {
     AtOutlines,  ///< coarsely, and closely only where corners of a block differ
     Everywhere,  ///< at every corner above the horizon: the slow way, to compare with
-    Nowhere,     ///< nothing stands above the vertex: no rays
 };
 
 /// Transport of one place over the texels:
@@ -56,5 +55,9 @@ enum class Look {
 /// Threads: pure.
 int texel_transport(const CubeTexels& cube, const Tracer& tracer, const RayOrigin& origin,
                     std::span<float> texels, Look look = Look::AtOutlines);
+
+/// The same where nothing stands above the place: no rays.
+///   normal  unit
+void open_texel_transport(const CubeTexels& cube, const DVec3& normal, std::span<float> texels);
 
 }  // namespace envbake

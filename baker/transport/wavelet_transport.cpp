@@ -16,6 +16,12 @@ namespace {
 
 constexpr std::size_t kBlockSize = 256;  ///< vertices; one byte names one of them
 
+void decompose(const CubeTexels& cube, std::span<float> texels, std::span<float> coeffs) {
+    const std::size_t of_face = coeffs.size() / cube::kFaceCount;
+    for (std::size_t at = 0; at < coeffs.size(); at += of_face)
+        wavelet::forward(cube.face_size, &texels[at], &coeffs[at]);
+}
+
 struct BakedBlock {
     std::vector<std::byte> bytes;
     std::vector<double> square_sums;
@@ -48,9 +54,11 @@ BakedBlock bake_block(const CubeTexels& cube, float step, const Tracer& tracer,
         }
         const RayOrigin origin = points.origin(place, tracer.space());
         const bool free = is_free(origin, tracer.half_spaces());
-        const int rays = wavelet_transport(cube, tracer, origin, coeffs,
-                                           free ? Look::Nowhere : Look::AtOutlines);
-        block.report.ray_count += static_cast<std::uint64_t>(rays);
+        if (free)
+            open_wavelet_transport(cube, origin.normal, coeffs);
+        else
+            block.report.ray_count += static_cast<std::uint64_t>(
+                wavelet_transport(cube, tracer, origin, coeffs, Look::AtOutlines));
         (free ? block.report.free_count : block.report.traced_count) += copies[i];
         for (std::size_t k = 0; k < coeffs.size(); ++k) {
             const auto c = static_cast<double>(coeffs[k]);
@@ -68,8 +76,12 @@ BakedBlock bake_block(const CubeTexels& cube, float step, const Tracer& tracer,
 float wavelet_step(const WaveletJob& job) {
     constexpr double kOpenOverhead = std::numbers::inv_pi;
     constexpr double kMostUnits = 32639;  // 127 * 256 + 127
-    return static_cast<float>(std::max(job.tolerance / 2, job.face_size / kMostUnits) *
+    return static_cast<float>(std::max(2 * job.tolerance, job.face_size / kMostUnits) *
                               kOpenOverhead);
+}
+
+int expected_wavelet_rays(const WaveletJob& job) {
+    return 500 + 18 * job.face_size;  // the coarse look, and outlines
 }
 
 int wavelet_transport(const CubeTexels& cube, const Tracer& tracer, const RayOrigin& origin,
@@ -77,10 +89,14 @@ int wavelet_transport(const CubeTexels& cube, const Tracer& tracer, const RayOri
     thread_local std::vector<float> texels;
     texels.resize(coeffs.size());
     const int rays = texel_transport(cube, tracer, origin, texels, look);
-    const std::size_t of_face = coeffs.size() / cube::kFaceCount;
-    for (std::size_t at = 0; at < coeffs.size(); at += of_face)
-        wavelet::forward(cube.face_size, &texels[at], &coeffs[at]);
+    decompose(cube, texels, coeffs);
     return rays;
+}
+
+void open_wavelet_transport(const CubeTexels& cube, const DVec3& normal, std::span<float> coeffs) {
+    std::vector<float> texels(coeffs.size());
+    open_texel_transport(cube, normal, texels);
+    decompose(cube, texels, coeffs);
 }
 
 Expected<WaveletReport> bake_wavelet(

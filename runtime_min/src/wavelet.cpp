@@ -6,17 +6,11 @@
 
 namespace envbake::wavelet {
 
-namespace {
-
-/// |value| weighted, summed over the channels: a term that is large in one of them is needed.
-/// Without weights, as they are.
 double importance(const Term& term, std::span<const float> weights) noexcept {
     double sum = 0;
     for (const float v : term.value) sum += std::abs(static_cast<double>(v));
     return weights.empty() ? sum : sum * static_cast<double>(weights[term.index]);
 }
-
-}  // namespace
 
 void light_coefficients(int map_size, std::span<const Rgb> map, int face_size,
                         std::span<Rgb> coeffs, std::span<double> scratch) noexcept {

@@ -77,11 +77,12 @@ TEST(TexelTransport, OpenPlaneUnderAConstantLightIsOne) {
         const Scene scene = test::scene_of({test::quad(Vec3(0), u, glm::cross(Vec3(n), u))});
         for (const int size : {16, 64}) {
             const CubeTexels cube(size);
-            for (const Look look : {Look::AtOutlines, Look::Nowhere}) {
-                const Looked looked = look_from(scene, 0, cube, look);
-                // What counting n.w as evenly spread at the horizon costs.
-                EXPECT_NEAR(exit_radiance(looked.texels, size, kConstant), 1, 0.2 / (size * size));
-            }
+            // What counting n.w as evenly spread at the horizon costs.
+            const double tolerance = 0.2 / (size * size);
+            Looked looked = look_from(scene, 0, cube);
+            EXPECT_NEAR(exit_radiance(looked.texels, size, kConstant), 1, tolerance);
+            open_texel_transport(cube, n, looked.texels);
+            EXPECT_NEAR(exit_radiance(looked.texels, size, kConstant), 1, tolerance);
         }
     }
 }
@@ -307,7 +308,7 @@ TEST(BakeWavelet, RoundingAModestShareOfALoneTexel) {
             }
         }
         EXPECT_LT(std::sqrt(square / count), tolerance);
-        EXPECT_GT(std::sqrt(square / count), tolerance / 20) << "larger steps would do";
+        EXPECT_GT(std::sqrt(square / count), tolerance / 5) << "larger steps would do";
     }
 }
 

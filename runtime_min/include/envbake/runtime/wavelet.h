@@ -124,10 +124,13 @@ constexpr std::size_t light_scratch_size(int face_size) {
 void light_coefficients(int map_size, std::span<const Rgb> map, int face_size,
                         std::span<Rgb> coeffs, std::span<double> scratch) noexcept;
 
+/// What a term adds to vertices, rms: |value| (summed over the channels, for a term that is large
+/// in one of them is needed) times the weight of its coefficient. Without weights, |value|.
+double importance(const Term& term, std::span<const float> weights) noexcept;
+
 /// Brings the `count` terms that matter most to the front of `terms` and sorts them by index. What
-/// matters is the rms over vertices of what a term adds to them, |value| times the rms of the
-/// transport that it meets; and not its size alone: under a sun that choice spends its terms where
-/// no vertex can tell the difference.
+/// matters is importance(), with weights, and not size alone: under a sun that choice spends its
+/// terms where no vertex can tell the difference.
 ///
 ///   weights  [coeff_count] or empty: rms over vertices of the transport of each coefficient
 ///   return   count, or all terms where there are fewer
