@@ -16,12 +16,10 @@ constexpr std::uint32_t kUpper = 0x80000000;  ///< of a run: it has the upper by
 std::vector<WaveletEntry> quantised(std::span<const float> coeffs, float step) {
     std::vector<WaveletEntry> entries;
     const float per_step = 1 / step;
-    const float least = step / 2;
     for (std::size_t i = 0; i < coeffs.size(); ++i) {
-        if (std::abs(coeffs[i]) < least) continue;
+        if (std::abs(coeffs[i]) < step) continue;
         const long units = std::lround(coeffs[i] * per_step);
-        if (units != 0)
-            entries.push_back({static_cast<std::uint32_t>(i), static_cast<std::int16_t>(units)});
+        entries.push_back({static_cast<std::uint32_t>(i), static_cast<std::int16_t>(units)});
     }
     return entries;
 }
