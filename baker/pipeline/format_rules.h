@@ -72,6 +72,16 @@ inline constexpr FormatRule kMipLayout{180, "MipLayout"};
 inline constexpr FormatRule kMipChain{181, "MipChain"};
 inline constexpr FormatRule kAlbedoRows{182, "AlbedoRows"};
 inline constexpr FormatRule kEmittedShape{183, "EmittedShape"};
+inline constexpr FormatRule kWaveletFaceSize{190, "WaveletFaceSize"};
+inline constexpr FormatRule kWaveletStep{191, "WaveletStep"};
+inline constexpr FormatRule kWaveletType{192, "WaveletType"};
+inline constexpr FormatRule kWaveletShape{193, "WaveletShape"};
+inline constexpr FormatRule kWaveletStored{194, "WaveletStored"};
+inline constexpr FormatRule kWaveletPair{195, "WaveletPair"};
+inline constexpr FormatRule kWaveletIndex{196, "WaveletIndex"};
+inline constexpr FormatRule kWaveletOffsets{197, "WaveletOffsets"};
+inline constexpr FormatRule kWaveletBlock{198, "WaveletBlock"};
+inline constexpr FormatRule kWaveletVertexAbsent{199, "WaveletVertexAbsent"};
 }  // namespace rule
 
 }  // namespace envbake

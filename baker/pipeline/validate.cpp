@@ -6,6 +6,7 @@
 #include "baker/pipeline/format_rules.h"
 #include "baker/pipeline/metadata.h"
 #include "baker/pipeline/self_test.h"
+#include "baker/pipeline/validate_wavelet.h"
 
 #include <algorithm>
 #include <charconv>
@@ -39,6 +40,7 @@ struct KnownName {
         Diffuse,
         Unshadowed,
         Emitted,
+        Wavelet,
         Question,
         Answer
     };
@@ -58,6 +60,8 @@ struct QuestionGroup {
 constexpr QuestionGroup kIrradiance{"selftest/irradiance/normal", "selftest/irradiance/value", 3,
                                     format::ElementType::F32};
 constexpr QuestionGroup kDiffuse{"selftest/diffuse/vertex", "selftest/diffuse/value", 2,
+                                 format::ElementType::U32};
+constexpr QuestionGroup kWavelet{"selftest/wavelet/vertex", "selftest/wavelet/value", 2,
                                  format::ElementType::U32};
 constexpr QuestionGroup kSpecular{"selftest/specular/input", "selftest/specular/value", 8,
                                   format::ElementType::F32};
@@ -81,11 +85,13 @@ KnownName known_name(std::string_view name) {
     if (name == format::kMetadataName) return {Kind::Metadata};
     if (name == "environment/lights") return {Kind::Lights};
     if (name == "environment/sh" || name == "environment/irradiance") return {Kind::Sh};
-    for (const QuestionGroup& group : {kIrradiance, kDiffuse, kSpecular, kSpecularBeckmann}) {
+    for (const QuestionGroup& group :
+         {kIrradiance, kDiffuse, kWavelet, kSpecular, kSpecularBeckmann}) {
         if (name == group.question)
             return {Kind::Question, 0, nullptr, group.columns, group.element};
         if (name == group.answer) return {Kind::Answer, 0, nullptr, 3, format::ElementType::F32};
     }
+    if (is_wavelet_name(name)) return {Kind::Wavelet, mesh_of_wavelet(name).value_or(0)};
     const auto take = [&](std::string_view prefix) {
         const bool starts = name.substr(0, prefix.size()) == prefix;
         if (starts) name.remove_prefix(prefix.size());
@@ -286,6 +292,8 @@ class Validation {
                 break;
             case Kind::Metadata:  // check_metadata_syntax has said so
                 break;
+            case Kind::Wavelet:  // validate_wavelet.cpp
+                break;
             case Kind::Lights:
                 require_type(info, rule::kLightsType, {ElementType::F32});
                 require_shape(info, rule::kLightsShape, info.rank == 2 && s[1] == 9, "[k, 9]");
@@ -391,6 +399,11 @@ class Validation {
             check_mips_member(*lobe);
             check_table(*lobe);
         }
+        if (findings_.empty())
+            check_wavelets(reader_, metadata_,
+                           [this](const FormatRule& broken, std::string message) {
+                               add(broken, std::move(message));
+                           });
     }
 
     void check_table(const LobeNames& lobe) {
@@ -468,6 +481,9 @@ class Validation {
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
             const KnownName known = known_name(info.name);
+            if (mesh_of_wavelet(info.name) && known.number >= meshes.size())
+                add(rule::kMeshAbsent,
+                    concat("meshes[", known.number, "] is missing, but ", info.name, " is not"));
             if (known.kind != KnownName::Kind::Diffuse && known.kind != KnownName::Kind::Emitted &&
                 known.kind != KnownName::Kind::Unshadowed)
                 continue;
@@ -508,6 +524,7 @@ class Validation {
         };
         check_group(kIrradiance, has_lighting ? &rule::kIrradianceUnasked : nullptr);
         check_group(kDiffuse, has_lighting && has_diffuse ? &rule::kDiffuseUnasked : nullptr);
+        check_group(kWavelet, nullptr);
         check_group(kSpecular, nullptr);
         check_group(kSpecularBeckmann, nullptr);
         check_vertices_asked_for();
