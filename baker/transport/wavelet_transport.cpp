@@ -15,6 +15,7 @@ namespace envbake {
 namespace {
 
 constexpr std::size_t kBlockSize = 256;  ///< vertices; one byte names one of them
+constexpr std::size_t kChunk = 8;        ///< vertices of one call of a parallel loop
 
 void decompose(const CubeTexels& cube, std::span<float> texels, std::span<float> coeffs) {
     const std::size_t of_face = coeffs.size() / cube::kFaceCount;
@@ -22,53 +23,24 @@ void decompose(const CubeTexels& cube, std::span<float> texels, std::span<float>
         wavelet::forward(cube.face_size, &texels[at], &coeffs[at]);
 }
 
-struct BakedBlock {
-    std::vector<std::byte> bytes;
-    std::vector<double> square_sums;
-    WaveletReport report;
+struct BakedRow {
+    std::vector<WaveletEntry> entries;
+    bool free = false;
+    int rays = 0;
 };
 
-BakedBlock bake_block(const CubeTexels& cube, float step, const Tracer& tracer,
-                      const SurfacePoints& points, std::size_t first) {
-    const std::size_t count = std::min(kBlockSize, points.size() - first);
-    BakedBlock block;
-    block.square_sums.assign(wavelet::coeff_count(cube.face_size), 0);
-    std::vector<std::vector<WaveletEntry>> rows(count);
-    std::vector<float> coeffs(block.square_sums.size());
-    std::vector<std::uint32_t> copies(count, 1);
-    for (std::size_t i = 0; i < count; ++i) {
-        const std::uint32_t place = points.representative(first + i);
-        if (place != SurfacePoints::kNone && place >= first && place < first + i)
-            ++copies[place - first];
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-        const std::uint32_t place = points.representative(first + i);
-        if (place == SurfacePoints::kNone) {
-            ++block.report.unreferenced_count;
-            continue;
-        }
-        if (place >= first && place < first + i) {
-            rows[i] = rows[place - first];
-            block.report.coeff_count += rows[i].size();
-            continue;
-        }
-        const RayOrigin origin = points.origin(place, tracer.space());
-        const bool free = is_free(origin, tracer.half_spaces());
-        if (free)
-            open_wavelet_transport(cube, origin.normal, coeffs);
-        else
-            block.report.ray_count += static_cast<std::uint64_t>(
-                wavelet_transport(cube, tracer, origin, coeffs, Look::AtOutlines));
-        (free ? block.report.free_count : block.report.traced_count) += copies[i];
-        for (std::size_t k = 0; k < coeffs.size(); ++k) {
-            const auto c = static_cast<double>(coeffs[k]);
-            block.square_sums[k] += copies[i] * c * c;
-        }
-        rows[i] = quantised(coeffs, step);
-        block.report.coeff_count += rows[i].size();
-    }
-    block.bytes = encode_wavelet_block(rows);
-    return block;
+BakedRow bake_row(const CubeTexels& cube, float step, const Tracer& tracer,
+                  const RayOrigin& origin) {
+    thread_local std::vector<float> coeffs;
+    coeffs.resize(wavelet::coeff_count(cube.face_size));
+    BakedRow row;
+    row.free = is_free(origin, tracer.half_spaces());
+    if (row.free)
+        open_wavelet_transport(cube, origin.normal, coeffs);
+    else
+        row.rays = wavelet_transport(cube, tracer, origin, coeffs, Look::AtOutlines);
+    row.entries = quantised(coeffs, step);
+    return row;
 }
 
 }  // namespace
@@ -105,37 +77,68 @@ Expected<WaveletReport> bake_wavelet(
     std::vector<std::uint32_t>& offsets, std::span<double> square_sums, Progress& progress) {
     const SurfacePoints points(scene.meshes[mesh]);
     const float step = wavelet_step(job);
-    const std::size_t block_count = (points.size() + kBlockSize - 1) / kBlockSize;
-    // A quarter of the coefficients, and the sums of squares.
-    const std::size_t block_bytes = square_sums.size() * (kBlockSize / 4 * 16 + sizeof(double));
-    const std::size_t in_hand = std::clamp<std::size_t>(job.memory_bytes / block_bytes, 1, 64);
+    // What it is a copy of, where that is in the same block: further back it is baked again, lest
+    // the count of rays depend on what is still in memory.
+    const auto original = [&](std::size_t v) -> std::size_t {
+        const std::uint32_t place = points.representative(v);
+        return place != SurfacePoints::kNone && place / kBlockSize == v / kBlockSize ? place : v;
+    };
+    // A quarter of the coefficients of a vertex.
+    const std::size_t block_bytes =
+        kBlockSize * square_sums.size() / 4 * (sizeof(WaveletEntry) + 2);
+    const std::size_t in_hand =
+        kBlockSize * std::clamp<std::size_t>(job.memory_bytes / block_bytes, 1, 64);
     WaveletReport report;
     report.vertex_count = points.size();
     offsets.assign(1, 0);
-    std::vector<BakedBlock> blocks;
-    for (std::size_t begin = 0; begin < block_count; begin += in_hand) {
-        blocks.clear();
-        blocks.resize(std::min(in_hand, block_count - begin));
-        parallel_for(blocks.size(), [&](std::size_t i) {
-            const std::size_t first = (begin + i) * kBlockSize;
-            blocks[i] = bake_block(cube, step, tracer, points, first);
-            progress.add(std::min(kBlockSize, points.size() - first));
+    std::vector<BakedRow> rows;
+    std::vector<std::vector<std::byte>> blocks;
+    for (std::size_t begin = 0; begin < points.size(); begin += in_hand) {
+        rows.clear();
+        rows.resize(std::min(in_hand, points.size() - begin));
+        parallel_for((rows.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+            const std::size_t end = std::min(rows.size(), (chunk + 1) * kChunk);
+            for (std::size_t i = chunk * kChunk; i < end; ++i) {
+                const std::uint32_t place = points.representative(begin + i);
+                if (place != SurfacePoints::kNone && original(begin + i) == begin + i)
+                    rows[i] = bake_row(cube, step, tracer, points.origin(place, tracer.space()));
+            }
+            progress.add(end - chunk * kChunk);
         });
-        for (const BakedBlock& block : blocks) {
-            for (std::size_t k = 0; k < square_sums.size(); ++k)
-                square_sums[k] += block.square_sums[k];
-            report.unreferenced_count += block.report.unreferenced_count;
-            report.free_count += block.report.free_count;
-            report.traced_count += block.report.traced_count;
-            report.ray_count += block.report.ray_count;
-            report.coeff_count += block.report.coeff_count;
-            report.byte_count += block.bytes.size();
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+            const std::size_t v = begin + i;
+            if (points.representative(v) == SurfacePoints::kNone) {
+                ++report.unreferenced_count;
+                continue;
+            }
+            report.ray_count += static_cast<std::uint64_t>(rows[i].rays);
+            if (original(v) != v) {
+                rows[i] = rows[original(v) - begin];
+            }
+            ++(rows[i].free ? report.free_count : report.traced_count);
+            report.coeff_count += rows[i].entries.size();
+            for (const WaveletEntry& e : rows[i].entries) {
+                const double c = static_cast<double>(step) * e.units;
+                square_sums[e.index] += c * c;
+            }
+        }
+        blocks.clear();
+        blocks.resize((rows.size() + kBlockSize - 1) / kBlockSize);
+        parallel_for(blocks.size(), [&](std::size_t b) {
+            std::vector<std::vector<WaveletEntry>> entries;
+            for (std::size_t i = b * kBlockSize; i < std::min(rows.size(), (b + 1) * kBlockSize);
+                 ++i)
+                entries.push_back(std::move(rows[i].entries));
+            blocks[b] = encode_wavelet_block(entries);
+        });
+        for (const std::vector<std::byte>& block : blocks) {
+            report.byte_count += block.size();
             if (report.byte_count / 4 > std::numeric_limits<std::uint32_t>::max())
                 return Error{Errc::Failed, concat("mesh/", mesh,
                                                   "/wavelet: more than 16 GiB; ask for smaller "
                                                   "faces or a larger tolerance")};
             offsets.push_back(static_cast<std::uint32_t>(report.byte_count / 4));
-            ENVBAKE_TRY_VOID(sink(block.bytes));
+            ENVBAKE_TRY_VOID(sink(block));
         }
     }
     return report;

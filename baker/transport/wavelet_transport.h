@@ -61,7 +61,8 @@ void open_wavelet_transport(const CubeTexels& cube, const DVec3& normal, std::sp
 /// coarsest look here, and that is a fifth of the time; the rest goes into outlines.
 ///
 ///   offsets      gets where each block begins, and the last ends, in units of 4 bytes
-///   square_sums  [coeff_count]: the squares of all vertices' coefficients are added
+///   square_sums  [coeff_count]: the squares of all vertices' coefficients are added, as
+///                stored: what is rounded away is of no use to a light
 ///
 /// Deterministic for any number of threads and any budget. An error of the sink ends the bake and
 /// is returned.
