@@ -17,7 +17,7 @@ namespace {
 constexpr std::uint64_t kSampleSize = 128;
 
 /// What is left for the terms, when rounding and outlines take some: errors add by squares.
-constexpr double kTruncationShare = 0.8;
+constexpr double kTruncationShare = 0.75;
 
 /// Surfaces with nothing above them, facing everywhere.
 std::vector<std::vector<float>> open_rows(const CubeTexels& cube) {

@@ -125,44 +125,44 @@ class CubeLook {
 
   private:
     void look_around(Look look) {
-        std::vector<Block> blocks, next;
         if (look == Look::Everywhere) {
             for (std::uint32_t p = 0; p < states_.size(); ++p) rays_.ask(p);
             rays_.trace();
             for (std::size_t t = 0; t < texels_.size(); ++t) fill(block_of(t), 1);
             return;
         }
-        blocks = cube_.blocks;
-        for (const Block& b : blocks)
+        for (const Block& b : cube_.blocks)
             for (int k = 0; k < 4; ++k)
                 rays_.ask(point(b, k % 2 * cube_.coarsest, k / 2 * cube_.coarsest));
         rays_.trace();
-        for (int size = cube_.coarsest; size > 1; size /= 2) {
-            next.clear();
-            const int half = size / 2;
-            // A block that is split may show its neighbours something on their edges.
-            for (bool found = true; found;) {
-                found = false;
+        // Blocks by size, the coarsest first. A split may show something to a neighbour of any
+        // size, so all are looked through until none is split.
+        std::vector<std::vector<Block>> by_size(1, cube_.blocks);
+        for (int size = cube_.coarsest; size > 1; size /= 2) by_size.emplace_back();
+        for (bool found = true; found;) {
+            found = false;
+            for (std::size_t level = 0; level + 1 < by_size.size(); ++level) {
+                const int size = cube_.coarsest >> level, half = size / 2;
                 std::size_t kept = 0;
-                for (const Block& b : blocks) {
+                for (const Block& b : by_size[level]) {
                     if (!differs(b, size)) {
-                        blocks[kept++] = b;
+                        by_size[level][kept++] = b;
                         continue;
                     }
                     found = true;
                     for (int r = 0; r <= 2; ++r)
                         for (int c = 0; c <= 2; ++c) rays_.ask(point(b, c * half, r * half));
                     for (int k = 0; k < 4; ++k)
-                        next.push_back({b.face, static_cast<std::uint16_t>(b.row + k / 2 * half),
-                                        static_cast<std::uint16_t>(b.column + k % 2 * half)});
+                        by_size[level + 1].push_back(
+                            {b.face, static_cast<std::uint16_t>(b.row + k / 2 * half),
+                             static_cast<std::uint16_t>(b.column + k % 2 * half)});
                 }
                 rays_.trace();
-                blocks.resize(kept);
+                by_size[level].resize(kept);
             }
-            for (const Block& b : blocks) fill(b, size);
-            std::swap(blocks, next);
         }
-        for (const Block& b : blocks) fill(b, 1);
+        for (std::size_t level = 0; level < by_size.size(); ++level)
+            for (const Block& b : by_size[level]) fill(b, cube_.coarsest >> level);
     }
 
     std::uint32_t point(const Block& b, int right, int down) const {
@@ -173,16 +173,20 @@ class CubeLook {
         return states_[point(b, right, down)];
     }
 
-    /// Whether the corners and middles of edges that are known, above the horizon, differ.
+    /// Whether what is known of its edges, above the horizon, differs.
     bool differs(const Block& b, int size) const {
-        const int half = size / 2;
         bool open = false, blocked = false;
-        for (int r = 0; r <= 2; ++r)
-            for (int c = 0; c <= 2; ++c) {
-                const State s = state(b, c * half, r * half);
-                open |= s == State::Open;
-                blocked |= s == State::Blocked;
-            }
+        const auto look = [&](int right, int down) {
+            const State s = state(b, right, down);
+            open |= s == State::Open;
+            blocked |= s == State::Blocked;
+        };
+        for (int i = 0; i < size; ++i) {
+            look(i, 0);
+            look(size, i);
+            look(size - i, size);
+            look(0, size - i);
+        }
         return open && blocked;
     }
 

@@ -48,7 +48,7 @@ BakedRow bake_row(const CubeTexels& cube, float step, const Tracer& tracer,
 float wavelet_step(const WaveletJob& job) {
     constexpr double kOpenOverhead = std::numbers::inv_pi;
     constexpr double kMostUnits = 32639;  // 127 * 256 + 127
-    return static_cast<float>(std::max(1.5 * job.tolerance, job.face_size / kMostUnits) *
+    return static_cast<float>(std::max(1.2 * job.tolerance, job.face_size / kMostUnits) *
                               kOpenOverhead);
 }
 

@@ -33,7 +33,7 @@ struct WaveletReport {
     std::uint64_t byte_count = 0;   ///< of the blocks
 };
 
-/// What coefficients are rounded to: 1.5 times the tolerance, relative to 1 / pi, which is what an
+/// What coefficients are rounded to: 1.2 times the tolerance, relative to 1 / pi, which is what an
 /// open texel overhead has; but no less than lets the largest coefficient be a number of 15 bits.
 /// Under a light of one texel, the worst, some half of the tolerance is lost (rms), measured on
 /// scans and gardens for faces of 32 and 64.
