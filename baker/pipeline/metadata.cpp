@@ -171,7 +171,7 @@ Json bounces_json(const BounceReport& r) {
             {"emitted_error_rms", rounded(r.emitted_error_rms)}};
 }
 
-Json wavelet_json(const BakeReport::Wavelet& wavelet) {
+Json wavelet_json(const WaveletSummary& wavelet) {
     Json json = {{"face_size", wavelet.face_size}};
     if (wavelet.step > 0) json["step"] = wavelet.step;
     if (wavelet.light)

@@ -345,7 +345,8 @@ class Run {
         const WaveletStage::Lighting lighting = wavelet_->choose_lighting(
             *inputs_.environment, planned.channels, wavelet_weights_,
             inputs_.scene ? &*inputs_.scene : nullptr, tracer_ ? &*tracer_ : nullptr);
-        report_.wavelet->light = {lighting.terms.size(), lighting.coeff_count, lighting.truncation};
+        report_.wavelet->light =
+            WaveletLightSummary{lighting.terms.size(), lighting.coeff_count, lighting.truncation};
         std::vector<std::uint32_t> indices;
         std::vector<float> values;
         for (const wavelet::Term& term : lighting.terms) {
