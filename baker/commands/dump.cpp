@@ -276,6 +276,31 @@ void print_window(const Json& metadata, std::ostream& out) {
             << percent(window.at("irradiance_rms_loss")) << " rms\n";
 }
 
+/// What wavelets the bundle has, and what they are for.
+void print_wavelets(const Json& metadata, std::ostream& out) {
+    const Json wavelet = metadata.value("wavelet", Json::object());
+    if (wavelet.empty()) return;
+    out << "wavelets       faces of " << wavelet.at("face_size") << " texels";
+    if (wavelet.contains("light")) {
+        const Json& light = wavelet["light"];
+        out << ", " << light.at("terms") << " of " << light.at("of") << " terms of the light; "
+            << metadata.at("options").at("bands") << " bands of SH lose "
+            << percent(metadata.at("environment").at("sh_shadow_loss"))
+            << " rms beside a hard shadow";
+    }
+    std::uint64_t coefficients = 0, vertices = 0;
+    for (const Json& mesh : metadata.value("meshes", Json::array())) {
+        if (!mesh.contains("wavelet")) continue;
+        coefficients += mesh["wavelet"].at("coefficients").get<std::uint64_t>();
+        vertices += mesh.at("vertex_count").get<std::uint64_t>();
+    }
+    if (vertices > 0)
+        out << "\n               "
+            << format_number(static_cast<double>(coefficients) / static_cast<double>(vertices))
+            << " coefficients a vertex";
+    out << '\n';
+}
+
 void print_notes(const Json& metadata, std::ostream& out) {
     const Json notes = metadata.value("scene", Json::object()).value("notes", Json::array());
     if (notes.empty()) return;
@@ -298,6 +323,7 @@ void print_text(const std::filesystem::path& file, const format::Reader& reader,
         print_errors(metadata, out);
         print_lights(reader, metadata, out);
         print_window(metadata, out);
+        print_wavelets(metadata, out);
     } catch (const Json::exception&) {
         out << "               (metadata of another tool: see --json)\n";
     }

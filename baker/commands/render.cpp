@@ -43,6 +43,7 @@ struct RenderOptions {
     int sights_per_axis = 3;
     bool white = false;
     bool split_sum = false;
+    std::string basis = "sh";
     double rotate_light_deg = 0;
     int turntable = 0;  ///< pictures; 0: one, of the scene as it is
     std::optional<double> exposure;
@@ -300,7 +301,8 @@ Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostr
     const PreviewOptions preview_options{.sights_per_axis = options.sights_per_axis,
                                          .white_lambert = options.white,
                                          .split_sum = options.split_sum,
-                                         .light_turn = turn};
+                                         .light_turn = turn,
+                                         .wavelets = options.basis == "wavelet"};
     if (options.turntable > 0)
         return render_turntable(options, scene, tracer, *bundle, camera, preview_options, progress);
     ENVBAKE_TRY(const Picture picture,
@@ -315,7 +317,7 @@ Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostr
     reference_options.sights_per_axis = options.sights_per_axis;
     reference_options.white_lambert = options.white;
     reference_options.light_turn = turn;
-    if (options.white) reference_options.truncated_light = lighting;
+    if (options.white && !preview_options.wavelets) reference_options.truncated_light = lighting;
     const Reference reference =
         render_reference(scene, tracer, *environment, camera, reference_options, progress);
     printer.reset();
@@ -372,6 +374,10 @@ RunCommand declare_render(CLI::App& app) {
                  "White paper in place of every material: the diffuse part alone");
     app.add_flag("--split-sum", options->split_sum,
                  "Specular from mips and BRDF table even where there is glossy transport");
+    app.add_option("--basis", options->basis,
+                   "What carries diffuse light: sh, or wavelet where --wavelet was baked")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"sh", "wavelet"}));
     app.add_option("--env", options->environment,
                    "The environment it was baked from; for --reference");
     app.add_flag(

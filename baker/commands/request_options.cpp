@@ -103,6 +103,16 @@ void declare_request(CLI::App& app, BakeRequest& request) {
     app.add_option("--glossy-bands", request.glossy_bands,
                    "SH bands of what leaves a glossy surface, 1 to 5")
         ->capture_default_str();
+    app.add_option_function<std::string>(
+           "--wavelet",
+           [&request](const std::string& text) {
+               request.wavelet = text == "auto" ? WaveletUse::WhereNeeded : WaveletUse::Always;
+               if (text != "auto") request.wavelet_size = std::stoi(text);
+           },
+           "Also bake wavelets, for hard shadows, with cube faces of this many texels; auto: of "
+           "64, "
+           "where SH lose more than the tolerance")
+        ->check(CLI::IsMember({"auto", "16", "32", "64", "128"}));
     app.add_flag("--unshadowed", request.unshadowed,
                  "Also bake mesh/I/unshadowed: transport without occlusion, analytic");
     const auto add_names = [&app](const char* option, std::vector<std::string>& names,

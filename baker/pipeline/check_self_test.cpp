@@ -31,6 +31,7 @@ class SelfTestCheck {
     std::vector<std::string> run() {
         ask_irradiance();
         ask_diffuse();
+        ask_wavelet();
         ask_specular(runtime::Distribution::Ggx, "selftest/specular/input",
                      "selftest/specular/value");
         ask_specular(runtime::Distribution::Beckmann, "selftest/specular_beckmann/input",
@@ -96,6 +97,19 @@ class SelfTestCheck {
             if (mesh < bundle_.meshes().size())
                 runtime::diffuse_exit(bundle_.meshes()[mesh].diffuse, bundle_.lighting(), vertex,
                                       {&radiance, 1});
+            return radiance;
+        });
+    }
+
+    void ask_wavelet() {
+        const auto vertices = questions<std::uint32_t>("selftest/wavelet/vertex", 2);
+        if (!vertices) return;
+        compare("selftest/wavelet/value", vertices->size() / 2, [&](std::size_t i) {
+            Rgb radiance{};
+            const std::uint32_t mesh = (*vertices)[2 * i], vertex = (*vertices)[2 * i + 1];
+            if (mesh < bundle_.meshes().size())
+                runtime::diffuse_exit(bundle_.meshes()[mesh].wavelet,
+                                      bundle_.wavelet_lighting().terms, vertex, {&radiance, 1});
             return radiance;
         });
     }

@@ -83,6 +83,16 @@ inline constexpr FormatRule kNormalShape{185, "NormalShape"};
 inline constexpr FormatRule kLobeShape{186, "LobeShape"};
 inline constexpr FormatRule kNormalType{187, "NormalType"};
 inline constexpr FormatRule kLobeType{188, "LobeType"};
+inline constexpr FormatRule kWaveletFaceSize{190, "WaveletFaceSize"};
+inline constexpr FormatRule kWaveletStep{191, "WaveletStep"};
+inline constexpr FormatRule kWaveletType{192, "WaveletType"};
+inline constexpr FormatRule kWaveletShape{193, "WaveletShape"};
+inline constexpr FormatRule kWaveletStored{194, "WaveletStored"};
+inline constexpr FormatRule kWaveletPair{195, "WaveletPair"};
+inline constexpr FormatRule kWaveletIndex{196, "WaveletIndex"};
+inline constexpr FormatRule kWaveletOffsets{197, "WaveletOffsets"};
+inline constexpr FormatRule kWaveletBlock{198, "WaveletBlock"};
+inline constexpr FormatRule kWaveletVertexAbsent{199, "WaveletVertexAbsent"};
 }  // namespace rule
 
 }  // namespace envbake

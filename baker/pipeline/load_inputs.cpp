@@ -5,6 +5,7 @@
 #include "baker/input/read_scene.h"
 #include "baker/lighting/dominant_lights.h"
 #include "baker/lighting/sh_projection.h"
+#include "baker/lighting/wavelet_lighting.h"
 #include "baker/pipeline/bake.h"
 #include "baker/transport/free_vertices.h"
 
@@ -61,6 +62,7 @@ void collect_lighting_facts(const BakeRequest& request, BakeInputs& inputs) {
     inputs.sh =
         project_sh({.bands = request.bands, .channels = facts.grey ? 1 : 3}, *inputs.environment);
     facts.band_energy = band_energy(*inputs.sh);
+    facts.sh_shadow_loss = sh_shadow_loss(*inputs.environment, request.bands);
     inputs.facts.environment = std::move(facts);
 }
 

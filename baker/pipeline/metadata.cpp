@@ -45,6 +45,11 @@ const char* glossy_name(GlossyChoice choice) {
     return "none";
 }
 
+Json wavelet_option(const BakeRequest& request) {
+    if (request.wavelet == WaveletUse::Always) return request.wavelet_size;
+    return request.wavelet == WaveletUse::WhereNeeded ? "auto" : "off";
+}
+
 Json range_json(const std::optional<RoughnessRange>& range) {
     return range ? Json{range->min, range->max} : Json();
 }
@@ -75,6 +80,10 @@ Json conventions() {
         {"brdf",
          "specular albedo = R0 A + B, GGX or Beckmann by the array's name, height-correlated "
          "Smith, Schlick"},
+        {"wavelet",
+         "2D Haar, orthonormal, non-standard decomposition, on each cube face; lighting is "
+         "radiance "
+         "times solid angle of a texel, transport 1/pi of the texel's mean of V(w) max(0, n.w)"},
         {"lights",
          "rows of direction towards the light, irradiance RGB of a surface that faces it, angular "
          "radius, solid angle, share of the environment's energy"},
@@ -136,6 +145,7 @@ Json environment_json(const BakeRequest& request, const Environment& environment
         json["lights"] = {{"count", facts.lights.count},
                           {"share", rounded(facts.lights.share)},
                           {"extracted", request.extract_lights}};
+    json["sh_shadow_loss"] = rounded(facts.sh_shadow_loss);
     if (report.window) json["window"] = window_json(*report.window);
     if (!report.ggx.mip_levels.empty()) json["mips"] = mips_json(report.ggx, report.mip_count);
     if (!report.beckmann.mip_levels.empty())
@@ -190,6 +200,24 @@ Json lobe_json(const BakeReport::ExpandedLobe& lobe) {
             {"roughness", {lobe.job.roughness[0], lobe.job.roughness[1]}}};
 }
 
+Json wavelet_json(const WaveletSummary& wavelet) {
+    Json json = {{"face_size", wavelet.face_size}};
+    if (wavelet.step > 0) json["step"] = wavelet.step;
+    if (wavelet.light)
+        json["light"] = {{"terms", wavelet.light->term_count},
+                         {"of", wavelet.light->coeff_count},
+                         {"truncation", rounded(wavelet.light->truncation)}};
+    return json;
+}
+
+Json wavelet_mesh_json(const WaveletReport& r) {
+    return {{"rays", r.ray_count},
+            {"traced", r.traced_count},
+            {"free", r.free_count},
+            {"unreferenced", r.unreferenced_count},
+            {"coefficients", r.coeff_count}};
+}
+
 Json meshes_json(const Scene& scene, const BakeReport& report) {
     Json list = Json::array();
     for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
@@ -207,6 +235,9 @@ Json meshes_json(const Scene& scene, const BakeReport& report) {
         if (!mesh.casts) json["casts"] = false;
         if (report.diffuse[i]) json["diffuse"] = diffuse_json(*report.diffuse[i]);
         if (report.glossy[i]) json["glossy"] = glossy_json(*report.glossy[i]);
+        if (report.wavelet)
+            for (const auto& [index, r] : report.wavelet->meshes)
+                if (index == i) json["wavelet"] = wavelet_mesh_json(r);
         list.push_back(std::move(json));
     }
     return list;
@@ -256,6 +287,7 @@ Json options_json(const BakeRequest& r) {
             {"glossy_bands", r.glossy_bands},
             {"unshadowed", r.unshadowed},
             {"bounces", r.bounces == kAllBounces ? Json("all") : Json(r.bounces)},
+            {"wavelet", wavelet_option(r)},
             {"rays", r.rays_per_vertex},
             {"seed", r.seed},
             {"strict", r.strict},
@@ -287,6 +319,7 @@ Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const B
         json["brdf"]["beckmann"] = table_json(*report.beckmann.table, request.table_axes);
     if (report.ggx_lobe) json["brdf"]["ggx_lobe"] = lobe_json(*report.ggx_lobe);
     if (report.beckmann_lobe) json["brdf"]["beckmann_lobe"] = lobe_json(*report.beckmann_lobe);
+    if (report.wavelet) json["wavelet"] = wavelet_json(*report.wavelet);
     if (report.bounces) json["bounces"] = bounces_json(*report.bounces);
     if (inputs.scene) {
         json["scene"] = {{"materials", inputs.scene->materials.size()},

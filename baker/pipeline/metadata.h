@@ -17,6 +17,19 @@ namespace envbake {
 
 using Json = nlohmann::ordered_json;
 
+/// The wavelet arrays of a bundle.
+struct WaveletLightSummary {
+    std::size_t term_count = 0;
+    std::size_t coeff_count = 0;
+    double truncation = 0;
+};
+struct WaveletSummary {
+    int face_size = 0;
+    float step = 0;  ///< 0: no mesh has transport
+    std::vector<std::pair<std::size_t, WaveletReport>> meshes;
+    std::optional<WaveletLightSummary> light;
+};
+
 /// What the stages found out, beside the arrays themselves.
 struct BakeReport {
     struct ArrayError {
@@ -53,6 +66,7 @@ struct BakeReport {
     };
     std::optional<ExpandedLobe> ggx_lobe, beckmann_lobe;
     std::optional<BounceReport> bounces;
+    std::optional<WaveletSummary> wavelet;
     double self_test_tolerance = 0;
 };
 

@@ -468,6 +468,11 @@ SelfTest make_self_test(const StoredArrays& arrays) {
             push(test.diffuse_value, exit_radiance(arrays, vertex));
         }
     }
+    for (const auto& vertex : arrays.wavelet_vertices) {
+        test.wavelet_vertex.push_back(vertex.mesh);
+        test.wavelet_vertex.push_back(vertex.vertex);
+        push(test.wavelet_value, vertex.exit_radiance);
+    }
     test.ggx = ask_specular(arrays, arrays.ggx);
     test.beckmann = ask_specular(arrays, arrays.beckmann);
     test.ggx_glossy = ask_glossy(arrays, arrays.ggx);

@@ -54,6 +54,13 @@ struct StoredArrays {
     std::vector<GlossyVertex> glossy_vertices;  ///< a few of each mesh
     int exit_bands = 0, light_bands = 0;
     double lobe_roughness[2]{0, 0};
+    /// Lit by the stored wavelets, both sides as stored, in double.
+    struct WaveletVertex {
+        std::uint32_t mesh = 0;
+        std::uint32_t vertex = 0;
+        DVec3 exit_radiance{0};
+    };
+    std::vector<WaveletVertex> wavelet_vertices;
 };
 
 /// Questions and right answers that travel with a bundle, so that any reader can check itself:
@@ -66,6 +73,8 @@ struct SelfTest {
     std::vector<float> irradiance_value;        ///< [k, 3]
     std::vector<std::uint32_t> diffuse_vertex;  ///< [k, 2]: mesh, vertex
     std::vector<float> diffuse_value;           ///< [k, 3]: exit radiance for albedo 1
+    std::vector<std::uint32_t> wavelet_vertex;  ///< [k, 2]: mesh, vertex
+    std::vector<float> wavelet_value;           ///< [k, 3]: the same by wavelets
 
     struct Specular {
         std::vector<float> input;  ///< [k, 8]: n, v, perceptual roughness, R0

@@ -7,6 +7,7 @@
 #include "baker/pipeline/format_rules.h"
 #include "baker/pipeline/metadata.h"
 #include "baker/pipeline/self_test.h"
+#include "baker/pipeline/validate_wavelet.h"
 #include "envbake/runtime/lobe.h"
 
 #include <algorithm>
@@ -45,6 +46,7 @@ struct KnownName {
         Glossy,
         Normal,
         Lobe,
+        Wavelet,
         Question,
         Answer
     };
@@ -64,6 +66,8 @@ struct QuestionGroup {
 constexpr QuestionGroup kIrradiance{"selftest/irradiance/normal", "selftest/irradiance/value", 3,
                                     format::ElementType::F32};
 constexpr QuestionGroup kDiffuse{"selftest/diffuse/vertex", "selftest/diffuse/value", 2,
+                                 format::ElementType::U32};
+constexpr QuestionGroup kWavelet{"selftest/wavelet/vertex", "selftest/wavelet/value", 2,
                                  format::ElementType::U32};
 constexpr QuestionGroup kSpecular{"selftest/specular/input", "selftest/specular/value", 8,
                                   format::ElementType::F32};
@@ -99,12 +103,13 @@ KnownName known_name(std::string_view name) {
     if (name == "environment/lights") return {Kind::Lights};
     if (name == "environment/sh" || name == "environment/irradiance") return {Kind::Sh};
     for (const QuestionGroup& group :
-         {kIrradiance, kDiffuse, kSpecular, kSpecularBeckmann, kGlossyVertex, kGlossyInput,
-          kGlossyVertexBeckmann, kGlossyInputBeckmann}) {
+         {kIrradiance, kDiffuse, kWavelet, kSpecular, kSpecularBeckmann, kGlossyVertex,
+          kGlossyInput, kGlossyVertexBeckmann, kGlossyInputBeckmann}) {
         if (name == group.question)
             return {Kind::Question, 0, nullptr, group.columns, group.element};
         if (name == group.answer) return {Kind::Answer, 0, nullptr, 3, format::ElementType::F32};
     }
+    if (is_wavelet_name(name)) return {Kind::Wavelet, mesh_of_wavelet(name).value_or(0)};
     const auto take = [&](std::string_view prefix) {
         const bool starts = name.substr(0, prefix.size()) == prefix;
         if (starts) name.remove_prefix(prefix.size());
@@ -309,6 +314,8 @@ class Validation {
                 break;
             case Kind::Metadata:  // check_metadata_syntax has said so
                 break;
+            case Kind::Wavelet:  // validate_wavelet.cpp
+                break;
             case Kind::Lights:
                 require_type(info, rule::kLightsType, {ElementType::F32});
                 require_shape(info, rule::kLightsShape, info.rank == 2 && s[1] == 9, "[k, 9]");
@@ -440,6 +447,11 @@ class Validation {
             check_lobe(*lobe);
         }
         check_glossy();
+        if (findings_.empty())
+            check_wavelets(reader_, metadata_,
+                           [this](const FormatRule& broken, std::string message) {
+                               add(broken, std::move(message));
+                           });
     }
 
     void check_table(const LobeNames& lobe) {
@@ -593,6 +605,9 @@ class Validation {
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
             const KnownName known = known_name(info.name);
+            if (mesh_of_wavelet(info.name) && known.number >= meshes.size())
+                add(rule::kMeshAbsent,
+                    concat("meshes[", known.number, "] is missing, but ", info.name, " is not"));
             using Kind = KnownName::Kind;
             const auto of_a_mesh = {Kind::Diffuse, Kind::Emitted, Kind::Unshadowed, Kind::Glossy,
                                     Kind::Normal};
@@ -635,6 +650,7 @@ class Validation {
         };
         check_group(kIrradiance, has_lighting ? &rule::kIrradianceUnasked : nullptr);
         check_group(kDiffuse, has_lighting && has_diffuse ? &rule::kDiffuseUnasked : nullptr);
+        check_group(kWavelet, nullptr);
         check_group(kSpecular, nullptr);
         for (const QuestionGroup& group : {kSpecularBeckmann, kGlossyVertex, kGlossyInput,
                                            kGlossyVertexBeckmann, kGlossyInputBeckmann})

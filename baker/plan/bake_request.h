@@ -24,6 +24,13 @@ enum class GlossyChoice {
     All,           ///< every material with a lobe
 };
 
+/// Whether wavelets are baked.
+enum class WaveletUse {
+    Never,
+    WhereNeeded,  ///< where SH lose more than the tolerance of hard shadows
+    Always
+};
+
 /// What a person asked for. Nothing here depends on what the inputs turn out to be.
 struct BakeRequest {
     std::filesystem::path scene;        ///< empty: lighting only
@@ -55,7 +62,9 @@ struct BakeRequest {
     GlossyChoice glossy = GlossyChoice::None;  ///< "mesh/I/glossy"
     int glossy_bands = 5;                      ///< of exit radiance, 1 .. 5
     bool unshadowed = false;                   ///< also bake "mesh/I/unshadowed"
-    int rays_per_vertex = 0;                   ///< 0: as many as the tolerance needs
+    WaveletUse wavelet = WaveletUse::Never;
+    int wavelet_size = 64;    ///< texels along a face of the basis, wavelet::is_face_size
+    int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;
     std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once
     bool strict = false;                                ///< refuse what would be repaired

@@ -28,6 +28,7 @@ struct EnvironmentFacts {
     /// left out at any tolerance.
     bool grey = false;
     LightFacts lights;
+    double sh_shadow_loss = 0;        ///< of the bands asked for, lighting/wavelet_lighting.h
     std::vector<double> band_energy;  ///< of the SH bands asked for: sum of squares a band
 };
 

@@ -6,6 +6,7 @@
 #include "baker/lighting/sh_projection.h"
 #include "baker/math/quadrature.h"
 #include "envbake/runtime/lobe.h"
+#include "envbake/runtime/wavelet.h"
 
 #include <algorithm>
 #include <cmath>
@@ -372,6 +373,52 @@ PlannedStage plan_lobe(const BakeRequest& request, const BakeFacts& facts,
     return stage;
 }
 
+/// Wavelets: transport of the meshes that have diffuse transport, and light to go with it.
+void add_wavelet_stages(const BakeRequest& request, const BakeFacts& facts,
+                        std::vector<PlannedStage>& stages) {
+    std::string lost;
+    bool needed = true;
+    if (facts.environment) {
+        const double loss = facts.environment->sh_shadow_loss;
+        needed = loss > request.tolerance;
+        lost = concat(request.bands, " bands of SH lose ", percentage(loss),
+                      " rms beside a hard shadow");
+    }
+    PlannedStage light{"environment/wavelet", lost, std::nullopt};
+    if (request.wavelet == WaveletUse::Never) {
+        light.reason = lost.empty() ? "not asked for" : concat("not asked for; ", lost);
+        stages.push_back(std::move(light));
+        return;
+    }
+    if (request.wavelet == WaveletUse::WhereNeeded && !needed) {
+        light.reason = concat("not needed: ", lost);
+        stages.push_back(std::move(light));
+        return;
+    }
+    const WaveletJob job{.face_size = request.wavelet_size,
+                         .tolerance = request.tolerance,
+                         .memory_bytes = request.memory_bytes};
+    const std::string faces = concat("faces of ", job.face_size, " texels");
+    for (std::size_t mesh = 0; mesh < facts.meshes.size(); ++mesh) {
+        PlannedStage stage = plan_diffuse(request, facts, mesh, true);
+        stage.output = concat("mesh/", mesh, "/wavelet");
+        if (stage.job) {
+            stage.job = PlannedWavelet{job, mesh};
+            stage.reason = concat(faces, "; direct light alone");
+        }
+        stages.push_back(std::move(stage));
+    }
+    stages.push_back(
+        {"wavelet/weight", "to choose the terms of any map by", PlannedWaveletWeights{job}});
+    if (facts.environment) {
+        light.reason = concat(faces, "; ", lost, grey_reason(*facts.environment));
+        light.job = PlannedWaveletLight{channels_of(*facts.environment)};
+    } else {
+        light.reason = "no environment";
+    }
+    stages.push_back(std::move(light));
+}
+
 /// Light between the surfaces of all meshes that have transport.
 PlannedStage plan_bounces(const BakeRequest& request, const BakeFacts& facts,
                           const std::vector<PlannedStage>& stages) {
@@ -472,6 +519,8 @@ Expected<void> check_request(const BakeRequest& request, const BakeFacts& facts)
     if (request.glossy_bands < 1 || request.glossy_bands > runtime::kMaxGlossyBands)
         return usage("--glossy-bands ", request.glossy_bands, ": 1 to ", runtime::kMaxGlossyBands,
                      " are possible");
+    if (!wavelet::is_face_size(static_cast<std::uint64_t>(request.wavelet_size)))
+        return usage("--wavelet ", request.wavelet_size, ": 16, 32, 64 or 128 are possible");
     if (request.bounces < 0) return usage("--bounces ", request.bounces, ": 0 or more, or all");
     if (request.rays_per_vertex < 0 || request.rays_per_vertex > 1 << 20)
         return usage("--rays ", request.rays_per_vertex, ": 1 to 1048576 are possible");
@@ -520,6 +569,18 @@ struct ArrayBytes {
                (diffuse.bounces ? bounce_channels : 1);
     }
     std::uint64_t operator()(const PlannedBounces&) const { return 0; }
+    /// Ascending with the area of faces and the tolerance: measured on a scan, which has the most.
+    std::uint64_t operator()(const PlannedWavelet& planned) const {
+        const double n = planned.job.face_size;
+        return facts.meshes[planned.mesh].vertex_count * static_cast<std::uint64_t>(2.5 * n * n);
+    }
+    std::uint64_t operator()(const PlannedWaveletWeights& weights) const {
+        return wavelet::coeff_count(weights.job.face_size) * sizeof(float);
+    }
+    /// As the most that photographs needed.
+    std::uint64_t operator()(const PlannedWaveletLight& light) const {
+        return 128 * static_cast<std::uint64_t>(1 + light.channels) * sizeof(float);
+    }
     std::uint64_t operator()(const PlannedEmitted& emitted) const {
         return facts.meshes[emitted.mesh].vertex_count * 3 * sizeof(float);
     }
@@ -541,6 +602,11 @@ void estimate_cost(BakePlan& plan, const BakeFacts& facts) {
         };
         if (const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job))
             add_rays(glossy->mesh, glossy->job);
+        if (const auto* w = std::get_if<PlannedWavelet>(&*stage.job)) {
+            const MeshFacts& f = facts.meshes[w->mesh];
+            plan.ray_count += (f.vertex_count - f.free_vertex_count) *
+                              static_cast<std::uint64_t>(expected_wavelet_rays(w->job));
+        }
         const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
         if (diffuse != nullptr && diffuse->job.shadowed && !diffuse->from_glossy)
             add_rays(diffuse->mesh, diffuse->job);
@@ -578,6 +644,7 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
         add_bounces_stage(plan_bounces(request, facts, plan.stages), plan.stages);
     else
         plan.stages.push_back({"mesh", "no scene", std::nullopt});
+    add_wavelet_stages(request, facts, plan.stages);
     estimate_cost(plan, facts);
     return plan;
 }

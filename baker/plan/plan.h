@@ -9,6 +9,7 @@
 #include "baker/plan/facts.h"
 #include "baker/transport/diffuse.h"
 #include "baker/transport/interreflection.h"
+#include "baker/transport/wavelet_transport.h"
 
 #include <cstdint>
 #include <optional>
@@ -75,8 +76,25 @@ struct PlannedEmitted {
     std::size_t mesh = 0;
 };
 
+/// "mesh/I/wavelet/blocks" and "/offsets".
+struct PlannedWavelet {
+    WaveletJob job;
+    std::size_t mesh = 0;
+};
+
+/// "wavelet/weight": how much transport each coefficient meets.
+struct PlannedWaveletWeights {
+    WaveletJob job;
+};
+
+/// "environment/wavelet/index" and "/value".
+struct PlannedWaveletLight {
+    int channels = 3;  ///< 1: the map is grey
+};
+
 using Job = std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedLobe,
-                         PlannedGlossy, PlannedDiffuse, PlannedBounces, PlannedEmitted>;
+                         PlannedGlossy, PlannedDiffuse, PlannedBounces, PlannedEmitted,
+                         PlannedWavelet, PlannedWaveletWeights, PlannedWaveletLight>;
 
 /// Below this roughness five bands miss so much of a GGX lobe that prefiltered mips are the better
 /// picture, shadows or not: docs/accuracy.md has the curve.

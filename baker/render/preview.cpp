@@ -3,6 +3,7 @@
 
 #include "baker/core/parallel.h"
 #include "baker/render/sight.h"
+#include "envbake/runtime/cube.h"
 #include "envbake/runtime/glossy.h"
 #include "envbake/runtime/sh.h"
 #include "envbake/runtime/shade.h"
@@ -94,6 +95,49 @@ Vec3 glossy_reflected(const runtime::LobeView& lobe,
     return sum;
 }
 
+/// The same by wavelets; a mesh without them has no part in it.
+std::vector<Vec3> wavelet_light(const Mesh& mesh, const runtime::WaveletTransportView& transport,
+                                std::span<const wavelet::Term> terms) {
+    std::vector<runtime::Rgb> out(mesh.vertex_count());
+    runtime::diffuse_exit(transport, terms, 0, out);
+    std::vector<Vec3> light;
+    for (const runtime::Rgb& rgb : out) light.push_back(from_runtime(rgb));
+    return light;
+}
+
+/// Terms of the light as it is turned now. Another map has other terms: as many of them.
+Expected<std::vector<wavelet::Term>> wavelet_terms(const runtime::Bundle& bundle,
+                                                   const LightTurn& turn) {
+    const runtime::WaveletLightingView& lighting = bundle.wavelet_lighting();
+    if (lighting.terms.empty())
+        return Error{Errc::InvalidBundle,
+                     "the bundle holds no wavelets (environment/wavelet): bake it with --wavelet"};
+    if (turn.radians() == 0)
+        return std::vector<wavelet::Term>(lighting.terms.begin(), lighting.terms.end());
+    const runtime::MipsView& mips = bundle.mips();
+    if (mips.level_count == 0 || mips.first != 0)
+        return Error{Errc::InvalidBundle,
+                     "a turned light is decomposed again from environment/mips/0, which the bundle "
+                     "does not hold: bake it with --roughness-range 0 1"};
+    const int n = lighting.face_size, size = 4 * n;
+    std::vector<wavelet::Rgb> map(wavelet::coeff_count(size)), coeffs(wavelet::coeff_count(n));
+    parallel_for(static_cast<std::size_t>(cube::kFaceCount * size), [&](std::size_t line) {
+        const int face = static_cast<int>(line) / size, row = static_cast<int>(line) % size;
+        for (int column = 0; column < size; ++column) {
+            const auto w =
+                cube::texel_direction<double>(static_cast<cube::Face>(face), row, column, size);
+            map[line * static_cast<std::size_t>(size) + static_cast<std::size_t>(column)] =
+                runtime::sample_mips(mips, to_runtime(turn.back(DVec3(w[0], w[1], w[2]))), 0);
+        }
+    });
+    std::vector<double> scratch(wavelet::light_scratch_size(n));
+    wavelet::light_coefficients(size, map, n, coeffs, scratch);
+    std::vector<wavelet::Term> terms;
+    for (std::uint32_t i = 0; i < coeffs.size(); ++i) terms.push_back({i, coeffs[i]});
+    terms.resize(wavelet::select_terms(terms, lighting.weights, lighting.terms.size()));
+    return terms;
+}
+
 /// The lights that the environment was extracted of, where they shine now.
 std::vector<runtime::DominantLight> extracted_lights(const runtime::Bundle& bundle,
                                                      const LightTurn& turn) {
@@ -167,9 +211,17 @@ Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
     const std::vector<float> coeffs = turn.turned(bundle.lighting());
     const runtime::ShLightingView lighting{bundle.lighting().bands, coeffs};
     const std::vector<runtime::DominantLight> lights = extracted_lights(bundle, turn);
+    std::vector<wavelet::Term> terms;
+    if (options.wavelets) {
+        ENVBAKE_TRY(terms, wavelet_terms(bundle, turn));
+    }
     std::vector<std::vector<Vec3>> light(scene.meshes.size());
     parallel_for(scene.meshes.size(), [&](std::size_t i) {
-        light[i] = vertex_light(scene.meshes[i], bundle.meshes()[i].diffuse, lighting);
+        const runtime::WaveletTransportView& wavelets = bundle.meshes()[i].wavelet;
+        if (options.wavelets && wavelets.face_size > 0)
+            light[i] = wavelet_light(scene.meshes[i], wavelets, terms);
+        else
+            light[i] = vertex_light(scene.meshes[i], bundle.meshes()[i].diffuse, lighting);
     });
     const runtime::LobeView& lobe = bundle.glossy_lobe();
     const auto glossy_lighting = std::make_unique<runtime::GlossyLight>(lighting, lobe.light_bands);

@@ -17,6 +17,7 @@ struct PreviewOptions {
     bool white_lambert = false;  ///< albedo 1 and no specular in place of every material
     bool split_sum = false;      ///< even where there is glossy transport
     LightTurn light_turn{};      ///< since the bake
+    bool wavelets = false;       ///< diffuse light by wavelets in place of SH, where there are some
 };
 
 /// What an engine shows that shades from the bundle, through runtime/shade.h and nothing else:
@@ -36,13 +37,16 @@ struct PreviewOptions {
 /// `white_lambert`, which is there to measure transport, it does not count as surface. Behind the
 /// scene stands the sharpest mip of the bundle, or, without mips, its SH lighting.
 ///
+/// With `wavelets` the first sum is over mesh/I/wavelet. Coefficients do not turn with the light: a
+/// turned light is the sharpest mip, turned, and decomposed as an engine would, with as many terms.
+///
 /// Light that the SH basis makes negative is cut at 0 after shading, except with `white_lambert`,
 /// where it stays: there the picture is measured against the same truncated light.
 ///
 /// Not shown: the backs of double-sided surfaces have the light of their fronts.
 ///
 /// Errors:  InvalidBundle  baked from another scene (the number of meshes or of vertices differs),
-///                         or without any light
+///                         or without any light; or without the arrays that `wavelets` need
 Expected<Picture> render_preview(const Scene& scene, const Tracer& tracer,
                                  const runtime::Bundle& bundle, const Camera& camera,
                                  const PreviewOptions& options, Progress& progress);

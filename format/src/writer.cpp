@@ -223,13 +223,15 @@ Expected<void> Writer::begin(const ArraySpec& spec) {
     if (spec.shape.empty() || spec.shape.size() > kMaxRank)
         return Error::at(Errc::EntryRank, 0, spec.name);
     std::uint64_t size = element_size(spec.type);
-    for (const std::uint64_t extent : spec.shape)
+    const bool open_ended = spec.shape[0] == kOpenEnded;
+    if (open_ended && spec.codec != Codec::None) return Error::at(Errc::ArrayCodec, 0, spec.name);
+    for (const std::uint64_t extent : std::span(spec.shape).subspan(open_ended ? 1 : 0))
         if (__builtin_mul_overflow(size, extent, &size))
             return Error::at(Errc::EntryShape, 0, spec.name);
     ENVBAKE_TRY_VOID(s.pad_to_alignment());
     const auto [at, is_new] = s.entries.try_emplace(spec.name);
     if (!is_new) return Error::at(Errc::DuplicateName, 0, spec.name);
-    at->second = Entry{.spec = spec, .offset = s.position, .size = size};
+    at->second = Entry{.spec = spec, .offset = s.position, .size = size};  // open-ended: of a row
     s.open_entry = &at->second;
     s.appended = 0;
     XXH3_64bits_reset(&s.hash);
@@ -249,7 +251,8 @@ Expected<void> Writer::begin(const ArraySpec& spec) {
 Expected<void> Writer::append(std::span<const std::byte> bytes) {
     State& s = *state_;
     s.appended += bytes.size();
-    if (s.appended > s.open_entry->size)
+    const bool open_ended = s.open_entry->spec.shape[0] == kOpenEnded;
+    if (!open_ended && s.appended > s.open_entry->size)
         return Error::at(Errc::WrongByteCount, s.open_entry->offset, s.open_entry->spec.name);
 #ifdef ENVBAKE_WITH_ZSTD
     if (s.open_entry->spec.codec == Codec::Zstd) return s.compress(bytes, ZSTD_e_continue);
@@ -259,6 +262,10 @@ Expected<void> Writer::append(std::span<const std::byte> bytes) {
 
 Expected<void> Writer::end() {
     State& s = *state_;
+    if (Entry& entry = *s.open_entry; entry.spec.shape[0] == kOpenEnded && entry.size > 0) {
+        entry.spec.shape[0] = s.appended / entry.size;
+        entry.size *= entry.spec.shape[0];
+    }
     if (s.appended != s.open_entry->size)
         return Error::at(Errc::WrongByteCount, s.open_entry->offset, s.open_entry->spec.name);
 #ifdef ENVBAKE_WITH_ZSTD

@@ -162,6 +162,7 @@ format::Expected<void> Bundle::resolve(Arena& arena) noexcept {
     ENVBAKE_TRY_VOID(resolve_brdf(kBeckmann, beckmann_.brdf, arena));
     ENVBAKE_TRY_VOID(resolve_glossy_lobe(kGgx, ggx_.glossy, arena));
     ENVBAKE_TRY_VOID(resolve_glossy_lobe(kBeckmann, beckmann_.glossy, arena));
+    ENVBAKE_TRY_VOID(resolve_wavelet_lighting(arena));
     return resolve_meshes(arena);
 }
 
@@ -462,12 +463,85 @@ format::Expected<void> Bundle::resolve_meshes(Arena& arena) noexcept {
             error = resolved.error();
             return false;
         }
+        if (const format::Expected<void> done = resolve_wavelet(i, mesh); !done) {
+            error = done.error();
+            return false;
+        }
         if (storage != nullptr) new (meshes + i) Mesh(mesh);
         ++i;
         return true;
     });
     if (!whole) return error.code != Errc::None ? error : metadata_error();
     if (storage != nullptr) meshes_ = {meshes, static_cast<std::size_t>(count)};
+    return {};
+}
+
+format::Expected<void> Bundle::resolve_wavelet_lighting(Arena& arena) noexcept {
+    const std::optional<JsonCursor> basis = JsonCursor(reader_.metadata()).find("wavelet");
+    if (!basis) return {};
+    const std::optional<JsonCursor> size_field = basis->find("face_size");
+    const std::optional<std::uint64_t> size =
+        size_field ? size_field->integer() : std::optional<std::uint64_t>{};
+    if (!size || !wavelet::is_face_size(*size)) return metadata_error();
+    wavelet_lighting_.face_size = static_cast<int>(*size);
+    if (const std::optional<JsonCursor> step_field = basis->find("step")) {
+        const std::optional<double> step = step_field->number();
+        if (!step) return metadata_error();
+        wavelet_step_ = static_cast<float>(*step);
+        if (!(wavelet_step_ > 0 && wavelet_step_ <= 1)) return metadata_error();
+    }
+    const std::uint64_t coeffs = wavelet::coeff_count(wavelet_lighting_.face_size);
+
+    if (const std::optional<ArrayInfo> info = reader_.find("wavelet/weight")) {
+        if (info->rank != 1 || info->shape[0] != coeffs) return error_in(Errc::ArrayShape, *info);
+        ENVBAKE_TRY(wavelet_lighting_.weights, reader_.view<float>(info->name));
+    }
+    const std::optional<ArrayInfo> index = reader_.find("environment/wavelet/index");
+    const std::optional<ArrayInfo> value = reader_.find("environment/wavelet/value");
+    if (!index || !value) return {};
+    const std::uint64_t channels = value->shape[1];
+    if (index->rank != 1) return error_in(Errc::ArrayShape, *index);
+    if (value->rank != 2 || value->shape[0] != index->shape[0] ||
+        (channels != 3 && channels != 1)) {
+        return error_in(Errc::ArrayShape, *value);
+    }
+    ENVBAKE_TRY(const std::span<const std::uint32_t> indices,
+                reader_.view<std::uint32_t>(index->name));
+    ENVBAKE_TRY(const std::span<const float> values, reader_.view<float>(value->name));
+    auto* terms =
+        reinterpret_cast<wavelet::Term*>(arena.take(indices.size() * sizeof(wavelet::Term)));
+    if (terms == nullptr) return {};
+    for (std::size_t i = 0; i < indices.size(); ++i) {
+        if (indices[i] >= coeffs) return error_in(Errc::ArrayShape, *index);
+        wavelet::Term term{.index = indices[i]};
+        for (std::size_t c = 0; c < 3; ++c) {
+            term.value[c] = values[i * channels + (channels == 3 ? c : 0)];
+        }
+        new (terms + i) wavelet::Term(term);
+    }
+    wavelet_lighting_.terms = {terms, indices.size()};
+    return {};
+}
+
+/// Blocks are judged when they are shaded from: looking through them here would read the whole
+/// file.
+format::Expected<void> Bundle::resolve_wavelet(std::uint64_t mesh_index,
+                                               Mesh& mesh) const noexcept {
+    const Name blocks_name("mesh/", mesh_index, "/wavelet/blocks");
+    const Name offsets_name("mesh/", mesh_index, "/wavelet/offsets");
+    const std::optional<ArrayInfo> blocks = reader_.find(blocks_name);
+    const std::optional<ArrayInfo> offsets = reader_.find(offsets_name);
+    if (!blocks || !offsets) return {};
+    if (wavelet_step_ == 0) return metadata_error();
+    if (blocks->rank != 1) return error_in(Errc::ArrayShape, *blocks);
+    if (offsets->rank != 1 || offsets->shape[0] != (mesh.vertex_count + 255) / 256 + 1) {
+        return error_in(Errc::ArrayShape, *offsets);
+    }
+    ENVBAKE_TRY(mesh.wavelet.words, reader_.view<std::uint32_t>(blocks_name));
+    ENVBAKE_TRY(mesh.wavelet.offsets, reader_.view<std::uint32_t>(offsets_name));
+    mesh.wavelet.vertex_count = mesh.vertex_count;
+    mesh.wavelet.face_size = wavelet_lighting_.face_size;
+    mesh.wavelet.step = wavelet_step_;
     return {};
 }
 

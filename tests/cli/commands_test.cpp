@@ -194,6 +194,54 @@ TEST_F(Commands, GlossyTransportComesWithTheSameRays) {
     EXPECT_EQ(envbake(bake_arguments({"--glossy-bands", "6"})).status, 2);
 }
 
+TEST_F(Commands, WaveletsAreBakedAskedAboutAndShownWithHardShadows) {
+    write_small_scene(folder_.path(), "scene", 24);
+    bake({"--wavelet", "32", "--roughness-range", "0", "1", "--threads", "1"});
+    const Outcome validated = envbake({"validate", bundle_});
+    EXPECT_EQ(validated.status, 0) << validated.out;
+    const std::string first = read_file(bundle_);
+    const json dumped = dump();
+    EXPECT_EQ(dumped["metadata"]["wavelet"]["face_size"], 32);
+    EXPECT_GT(dumped["metadata"]["wavelet"]["light"]["terms"], 6);
+    EXPECT_GT(dumped["metadata"]["environment"]["sh_shadow_loss"], 0.05);
+    EXPECT_LE(dumped["metadata"]["arrays"]["environment/wavelet/value"]["error"], 2e-2);
+    std::set<std::string> names;
+    for (const json& array : dumped["arrays"]) names.insert(array["name"].get<std::string>());
+    for (const char* name :
+         {"environment/wavelet/index", "environment/wavelet/value", "wavelet/weight",
+          "mesh/0/wavelet/blocks", "mesh/0/wavelet/offsets", "selftest/wavelet/value"})
+        EXPECT_TRUE(names.contains(name)) << name;
+    bake({"--wavelet", "32", "--roughness-range", "0", "1", "--threads", "2", "--memory", "1",
+          "--force"});
+    EXPECT_EQ(read_file(bundle_), first);
+
+    for (const auto& more : {std::vector<std::string>{}, {"--rotate-light", "90"}}) {
+        std::vector<double> errors;
+        for (const char* basis : {"sh", "wavelet"}) {
+            std::vector<std::string> arguments{
+                "render", bundle_,   scene_,    "-o",          (folder_ / "x.exr").string(),
+                "--size", "64x48",   "--white", "--reference", "--env",
+                sky_,     "--basis", basis,     "--quiet",     "--reference-samples",
+                "128"};
+            arguments.insert(arguments.end(), more.begin(), more.end());
+            const Outcome outcome = envbake(arguments);
+            ASSERT_EQ(outcome.status, 0) << outcome.err;
+            const std::string text = "relative RMSE ";
+            errors.push_back(std::stod(outcome.out.substr(outcome.out.find(text) + text.size())));
+        }
+        EXPECT_LT(errors[1], 0.75 * errors[0]);
+    }
+}
+
+TEST_F(Commands, WaveletsThatAreNotThereAreRefused) {
+    bake();
+    const Outcome outcome = envbake({"render", bundle_, scene_, "-o", (folder_ / "x.png").string(),
+                                     "--basis", "wavelet", "--quiet"});
+    EXPECT_EQ(outcome.status, 4);
+    EXPECT_NE(outcome.err.find("--wavelet"), std::string::npos) << outcome.err;
+    EXPECT_EQ(envbake(bake_arguments({"--wavelet", "48"})).status, 2);
+}
+
 TEST_F(Commands, WhatIsUpToDateIsLeftAlone) {
     bake();
     const auto time = fs::last_write_time(bundle_);

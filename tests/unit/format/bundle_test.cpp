@@ -175,6 +175,41 @@ TEST_F(Bundle, StreamedAndWholeArraysGiveTheSameBytes) {
     }
 }
 
+TEST_F(Bundle, AnOpenEndedArrayIsAsLongAsWhatWasAppended) {
+    auto writer = Writer::create(path_);
+    ASSERT_TRUE(writer);
+    const std::vector<std::uint16_t> values{1, 2, 3, 4, 5, 6};
+    const auto bytes = std::as_bytes(std::span(values));
+    ASSERT_TRUE(writer->begin({"rows", ElementType::U16, {kOpenEnded, 2}, Codec::None}));
+    ASSERT_TRUE(writer->append(bytes.first(5)));
+    ASSERT_TRUE(writer->append(bytes.subspan(5)));
+    ASSERT_TRUE(writer->end());
+    ASSERT_TRUE(writer->begin({"none", ElementType::F32, {kOpenEnded}, Codec::None}));
+    ASSERT_TRUE(writer->end());
+    EXPECT_EQ(writer->begin({"zstd", ElementType::F32, {kOpenEnded}, Codec::Zstd}).error().code,
+              Errc::ArrayCodec);
+    ASSERT_TRUE(writer->begin({"half", ElementType::U16, {kOpenEnded, 2}, Codec::None}));
+    ASSERT_TRUE(writer->append(bytes.first(6)));
+    EXPECT_EQ(writer->end().error().code, Errc::WrongByteCount);
+
+    auto whole = Writer::create(path_);
+    ASSERT_TRUE(whole);
+    ASSERT_TRUE(whole->begin({"rows", ElementType::U16, {kOpenEnded, 2}, Codec::None}));
+    ASSERT_TRUE(whole->append(bytes));
+    ASSERT_TRUE(whole->end());
+    ASSERT_TRUE(whole->finish());
+    const auto reader = Reader::open(path_.c_str());
+    ASSERT_TRUE(reader);
+    const auto info = reader->find("rows");
+    ASSERT_TRUE(info);
+    EXPECT_EQ(info->shape[0], 3u);
+    EXPECT_EQ(info->shape[1], 2u);
+    EXPECT_TRUE(reader->verify(*info));
+    const auto read = reader->view<std::uint16_t>("rows");
+    ASSERT_TRUE(read);
+    EXPECT_TRUE(std::equal(read->begin(), read->end(), values.begin(), values.end()));
+}
+
 TEST_F(Bundle, WriterRefusesWhatNoReaderWouldAccept) {
     auto writer = Writer::create(path_);
     ASSERT_TRUE(writer);

@@ -207,6 +207,45 @@ void add_zeros(Writer& w, const std::string& name, std::vector<std::uint64_t> sh
     EXPECT_TRUE(w.add<std::uint32_t>(name, std::move(shape), std::vector<std::uint32_t>(count, 0)));
 }
 
+/// Wavelets of 16 texels a face for the two vertices of mesh/0; coefficient 5 is 3 and -1 units.
+struct Wavelets {
+    std::string basis = R"("face_size":16,"step":0.01)";
+    std::vector<std::uint32_t> index{5, 7};
+    std::vector<float> value{2, 1, 1, 1, 1, 1};
+    std::vector<std::uint64_t> value_shape{2, 3};
+    std::uint64_t weight_count = 1536;
+    bool whole_weights = false;
+    std::vector<std::uint32_t> blocks{1, 5, 0, 2, 0xff030100};
+    std::vector<std::uint32_t> offsets{0, 5};
+    std::vector<std::uint32_t> vertex{0, 0};
+    format::Codec codec = format::Codec::None;
+    std::string without;
+
+    void add_to(Writer& w) const {
+        const auto u32 = [&](const char* name, const std::vector<std::uint32_t>& values,
+                             format::Codec c = format::Codec::None) {
+            if (name == without) return;
+            EXPECT_TRUE(w.add<std::uint32_t>(name, {values.size()}, values, c));
+        };
+        u32("environment/wavelet/index", index);
+        if (without != "environment/wavelet/value") {
+            EXPECT_TRUE(w.add<float>("environment/wavelet/value", value_shape, value));
+        }
+        if (whole_weights)
+            add_zeros(w, "wavelet/weight", {weight_count});
+        else
+            add_ones(w, "wavelet/weight", {weight_count});
+        u32("mesh/0/wavelet/blocks", blocks, codec);
+        u32("mesh/0/wavelet/offsets", offsets);
+        EXPECT_TRUE(w.add<std::uint32_t>("selftest/wavelet/vertex", {1, 2}, vertex));
+        EXPECT_TRUE(w.add<float>("selftest/wavelet/value", {1, 3},
+                                 std::vector<float>{0.06f, 0.03f, 0.03f}));
+    }
+    static void add_ones(Writer& w, const std::string& name, std::vector<std::uint64_t> shape) {
+        EXPECT_TRUE(w.add<float>(name, shape, std::vector<float>(shape[0], 1.0f)));
+    }
+};
+
 // One fault or more for every rule; each gives its code and no other. The good bundle that all of
 // them start from gives none.
 TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
@@ -229,6 +268,17 @@ TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
     const auto text = [](const char* from, const char* to) -> Fault {
         return [from, to](Content& c) { c.replace(from, to); };
     };
+    const auto wavelets = [](std::function<void(Wavelets&)> change) -> Fault {
+        return [change](Content& c) {
+            Wavelets w;
+            change(w);
+            c.replace("\"self_test\"", "\"wavelet\":{" + w.basis + "},\"self_test\"");
+            c.also = [w](Writer& writer) { w.add_to(writer); };
+        };
+    };
+    Content good;
+    wavelets([](Wavelets&) {})(good);
+    EXPECT_EQ(codes(good), Codes{});
     const std::vector<std::pair<int, Fault>> contents{
         {34, [](Content& c) { c.with_metadata = false; }},
         {100, [](Content& c) { c.metadata = "[1"; }},
@@ -482,6 +532,59 @@ TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
          })},
         {182, also([](Writer& w) { add_ones(w, "brdf/ggx_average_albedo", {3}); })},
         {182, also([](Writer& w) { add_ones(w, "brdf/beckmann_average_albedo", {4}); })},
+        {141, also([](Writer& w) { add_zeros(w, "mesh/1/wavelet/blocks", {2}); })},
+        {110, wavelets([](Wavelets& w) { w.blocks[4] = 0xff040100; })},
+        {190, wavelets([](Wavelets& w) { w.basis = R"("step":0.01)"; })},
+        {190, wavelets([](Wavelets& w) { w.basis = R"("face_size":24,"step":0.01)"; })},
+        {191, wavelets([](Wavelets& w) { w.basis = R"("face_size":16)"; })},
+        {191, wavelets([](Wavelets& w) { w.basis = R"("face_size":16,"step":0)"; })},
+        {192, wavelets([](Wavelets& w) { w.whole_weights = true; })},
+        {193, wavelets([](Wavelets& w) { w.weight_count = 1535; })},
+        {193, wavelets([](Wavelets& w) {
+             w.value_shape = {3, 2};
+         })},
+        {193, wavelets([](Wavelets& w) {
+             w.value_shape = {6, 1};
+         })},
+        {194, wavelets([](Wavelets& w) { w.codec = format::Codec::Zstd; })},
+        {195, wavelets([](Wavelets& w) { w.without = "mesh/0/wavelet/offsets"; })},
+        {195, wavelets([](Wavelets& w) { w.without = "environment/wavelet/value"; })},
+        {196, wavelets([](Wavelets& w) {
+             w.index = {5, 5};
+         })},
+        {196, wavelets([](Wavelets& w) {
+             w.index = {5, 1536};
+         })},
+        {197, wavelets([](Wavelets& w) {
+             w.offsets = {0, 4};
+         })},
+        {197, wavelets([](Wavelets& w) {
+             w.offsets = {1, 5};
+         })},
+        {197, wavelets([](Wavelets& w) {
+             w.offsets = {0, 5, 5};
+         })},
+        {198, wavelets([](Wavelets& w) { w.blocks[0] = 2; })},
+        {198, wavelets([](Wavelets& w) { w.blocks[0] = 0xffffffff; })},
+        {198, wavelets([](Wavelets& w) { w.blocks[1] = 1536; })},
+        {198, wavelets([](Wavelets& w) { w.blocks[2] = 1; })},
+        {198, wavelets([](Wavelets& w) { w.blocks[3] = 3; })},
+        {198, wavelets([](Wavelets& w) { w.blocks[4] = 0xff030200; })},
+        {198, wavelets([](Wavelets& w) { w.blocks[4] = 0xff030000; })},
+        {198, wavelets([](Wavelets& w) { w.blocks[4] = 0x00030100; })},
+        {198, wavelets([](Wavelets& w) {
+             w.blocks = {2, 5, 5, 0, 1, 2, 0xff030100};
+             w.offsets = {0, 7};
+         })},
+        {198, wavelets([](Wavelets& w) {
+             w.blocks = {1, 5, 0, 1, 0x00010300};
+         })},
+        {199, wavelets([](Wavelets& w) {
+             w.vertex = {0, 2};
+         })},
+        {199, wavelets([](Wavelets& w) {
+             w.vertex = {1, 0};
+         })},
     };
     std::map<int, std::string> broken;
     const auto judge = [&](int code) {

@@ -460,5 +460,49 @@ TEST(Plan, BytesAreThoseOfTheArrays) {
               4 * (kOthers + 6 * 64 * 64 * 3) - 2 * 64 * 64 * 2);
 }
 
+TEST(Plan, WaveletsWhereShLoseMoreThanTheTolerance) {
+    BakeFacts facts = facts_of({dielectric(0.5f), metal(0.5f)});
+    facts.environment->sh_shadow_loss = 0.164;
+    BakeRequest request;
+    BakePlan plan = plan_of(facts, request);
+    EXPECT_FALSE(stage(plan, "environment/wavelet").job);
+    EXPECT_EQ(stage(plan, "environment/wavelet").reason,
+              "not asked for; 5 bands of SH lose 16.4 % rms beside a hard shadow");
+
+    request.wavelet = WaveletUse::WhereNeeded;
+    plan = plan_of(facts, request);
+    ASSERT_TRUE(stage(plan, "environment/wavelet").job);
+    ASSERT_TRUE(stage(plan, "wavelet/weight").job);
+    ASSERT_TRUE(stage(plan, "mesh/0/wavelet").job);
+    EXPECT_EQ(std::get<PlannedWavelet>(*stage(plan, "mesh/0/wavelet").job).job.face_size, 64);
+    EXPECT_FALSE(stage(plan, "mesh/1/wavelet").job) << "a metal reflects nothing diffusely";
+    // Light is chosen by the transport, so it comes last.
+    EXPECT_EQ(plan.stages.back().output, "environment/wavelet");
+    EXPECT_GT(plan.ray_count, plan_of(facts).ray_count);
+    EXPECT_GT(plan.output_bytes, plan_of(facts).output_bytes);
+
+    facts.environment->sh_shadow_loss = 0.009;
+    plan = plan_of(facts, request);
+    EXPECT_FALSE(stage(plan, "environment/wavelet").job);
+    EXPECT_EQ(stage(plan, "environment/wavelet").reason,
+              "not needed: 5 bands of SH lose 0.9 % rms beside a hard shadow");
+    EXPECT_EQ(plan_of(facts).ray_count, plan.ray_count);
+
+    request.wavelet = WaveletUse::Always;
+    request.wavelet_size = 32;
+    plan = plan_of(facts, request);
+    ASSERT_TRUE(stage(plan, "mesh/0/wavelet").job);
+    EXPECT_EQ(std::get<PlannedWavelet>(*stage(plan, "mesh/0/wavelet").job).job.face_size, 32);
+
+    facts.environment.reset();
+    request.wavelet = WaveletUse::WhereNeeded;
+    plan = plan_of(facts, request);
+    EXPECT_TRUE(stage(plan, "mesh/0/wavelet").job) << "nothing says that SH would do";
+    EXPECT_EQ(stage(plan, "environment/wavelet").reason, "no environment");
+
+    request.wavelet_size = 48;
+    EXPECT_FALSE(make_plan(request, facts));
+}
+
 }  // namespace
 }  // namespace envbake

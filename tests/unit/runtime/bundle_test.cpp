@@ -470,5 +470,75 @@ TEST(Bundle, DamagedContentsNeverCrash) {
     }
 }
 
+/// 16 texels a face; two vertices, coefficient 5 of them is 3 and -1 units of 1/2.
+struct Wavelets {
+    std::string basis = R"({"face_size":16,"step":0.5})";
+    std::vector<std::uint32_t> index{5, 9};
+    std::vector<float> value{2, 7};
+    std::uint64_t channels = 1;
+    std::uint64_t weight_count = 1536;
+    std::vector<std::uint32_t> blocks{1, 5, 0, 2, 0xff030100};
+    std::vector<std::uint32_t> offsets{0, 5};
+
+    AlignedBytes bundle() const {
+        BundleBuilder builder;
+        builder.add("environment/wavelet/index", {index.size()}, index)
+            .add("environment/wavelet/value", {value.size() / channels, channels}, value)
+            .add("wavelet/weight", {weight_count}, std::vector<float>(weight_count, 1))
+            .add("mesh/0/wavelet/blocks", {blocks.size()}, blocks)
+            .add("mesh/0/wavelet/offsets", {offsets.size()}, offsets)
+            .metadata("{\"wavelet\":" + basis +
+                      ",\"meshes\":[{\"node\":0,\"mesh\":0,\"primitive\":0,\"vertex_count\":2}]}");
+        return builder.finish_in_memory();
+    }
+    Errc refused() const {
+        const AlignedBytes bytes = bundle();
+        const auto opened = Bundle::open(bytes.bytes());
+        return opened ? Errc::None : opened.error().code;
+    }
+};
+
+TEST(BundleWavelets, AreOpenedAndShadedFrom) {
+    const AlignedBytes bytes = Wavelets().bundle();
+    const auto bundle = Bundle::open(bytes.bytes());
+    ASSERT_TRUE(bundle) << format::to_string(bundle.error());
+    const WaveletLightingView& lighting = bundle->wavelet_lighting();
+    EXPECT_EQ(lighting.face_size, 16);
+    EXPECT_EQ(lighting.weights.size(), 1536u);
+    ASSERT_EQ(lighting.terms.size(), 2u);
+    EXPECT_EQ(lighting.terms[1].index, 9u);
+    EXPECT_EQ(lighting.terms[1].value, (Rgb{7, 7, 7})) << "grey is stored once";
+    std::vector<Rgb> out(3, {NAN, NAN, NAN});
+    diffuse_exit(bundle->meshes()[0].wavelet, lighting.terms, 0, out);
+    EXPECT_EQ(out, (std::vector<Rgb>{{3, 3, 3}, {-1, -1, -1}, {0, 0, 0}}));
+
+    Wavelets coloured;
+    coloured.channels = 3;
+    coloured.value = {1, 2, 3, 4, 5, 6};
+    const AlignedBytes more = coloured.bundle();
+    const auto other = Bundle::open(more.bytes());
+    ASSERT_TRUE(other);
+    EXPECT_EQ(other->wavelet_lighting().terms[0].value, (Rgb{1, 2, 3}));
+}
+
+TEST(BundleWavelets, AreRefusedWhereTheyDoNotFit) {
+    const auto refused = [](auto change) {
+        Wavelets w;
+        change(w);
+        return w.refused();
+    };
+    EXPECT_EQ(Wavelets().refused(), Errc::None);
+    EXPECT_EQ(refused([](Wavelets& w) { w.basis = R"({"face_size":17,"step":0.5})"; }),
+              Errc::Metadata);
+    EXPECT_EQ(refused([](Wavelets& w) { w.basis = R"({"face_size":16})"; }), Errc::Metadata);
+    EXPECT_EQ(refused([](Wavelets& w) { w.basis = R"({"face_size":16,"step":-1})"; }),
+              Errc::Metadata);
+    EXPECT_EQ(refused([](Wavelets& w) { w.index[1] = 1536; }), Errc::ArrayShape);
+    EXPECT_EQ(refused([](Wavelets& w) { w.value = {1}; }), Errc::ArrayShape);
+    EXPECT_EQ(refused([](Wavelets& w) { w.channels = 2; }), Errc::ArrayShape);
+    EXPECT_EQ(refused([](Wavelets& w) { w.weight_count = 6; }), Errc::ArrayShape);
+    EXPECT_EQ(refused([](Wavelets& w) { w.offsets = {0, 5, 5}; }), Errc::ArrayShape);
+}
+
 }  // namespace
 }  // namespace envbake::runtime

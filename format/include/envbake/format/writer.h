@@ -16,11 +16,15 @@
 
 namespace envbake::format {
 
+/// In the place of the first axis of a shape: as many as will have been appended. Without codec,
+/// for a compressed array states its size first.
+inline constexpr std::uint64_t kOpenEnded = ~std::uint64_t{0};
+
 /// What an array is, before its bytes are known.
 struct ArraySpec {
     std::string name;
     ElementType type = ElementType::F32;
-    std::vector<std::uint64_t> shape;  ///< 1 to 6 axes
+    std::vector<std::uint64_t> shape;  ///< 1 to 6 axes, the first may be kOpenEnded
     Codec codec = Codec::None;
 };
 
@@ -36,7 +40,7 @@ class Writer {
     Writer& operator=(Writer&&) noexcept;
     ~Writer();
 
-    /// Errors:  BadName, DuplicateName, EntryRank, EntryShape, CannotWrite
+    /// Errors:  BadName, DuplicateName, EntryRank, EntryShape, CannotWrite; ArrayCodec
     [[nodiscard]] Expected<void> begin(const ArraySpec& spec);
     [[nodiscard]] Expected<void> append(std::span<const std::byte> bytes);
     /// Errors:  WrongByteCount, CannotWrite

@@ -6,6 +6,7 @@
 #include "envbake/runtime/half.h"
 #include "envbake/runtime/lobe.h"
 #include "envbake/runtime/mip_layout.h"
+#include "envbake/runtime/wavelet.h"
 
 #include <array>
 #include <bit>
@@ -109,6 +110,16 @@ struct LobeView {
     FloatView kernel;      ///< [rows, 2, lobe_size(exit_bands, kLobeBands)]
 };
 
+/// "mesh/I/wavelet/blocks" and "/offsets": transport in the basis of wavelet.h, by blocks of 256
+/// vertices and in each by coefficient, so that a few lighting terms touch little of it.
+struct WaveletTransportView {
+    std::uint64_t vertex_count = 0;
+    int face_size = 0;                       ///< of the basis; 0: this mesh has none
+    float step = 0;                          ///< what one unit of a stored value is worth
+    std::span<const std::uint32_t> offsets;  ///< [blocks + 1], in words
+    std::span<const std::uint32_t> words;    ///< the blocks, 4 bytes a word
+};
+
 /// A (node, primitive) pair of the default scene, depth first, in file order.
 struct Mesh {
     std::uint32_t node = 0;  ///< glTF indices
@@ -117,6 +128,16 @@ struct Mesh {
     std::uint64_t vertex_count = 0;
     TransportView diffuse;
     GlossyView glossy;
+    WaveletTransportView wavelet;
+};
+
+/// "environment/wavelet/index" and "/value", "wavelet/weight".
+struct WaveletLightingView {
+    int face_size = 0;                     ///< of the basis; 0: the bundle has none
+    std::span<const wavelet::Term> terms;  ///< of the map it was baked for, ascending by index
+    /// [coeff_count]: rms over all vertices of the transport of each coefficient, for
+    /// wavelet::select_terms() of another map. Empty: the bundle has none.
+    std::span<const float> weights;
 };
 
 /// An array of any name.
@@ -171,6 +192,8 @@ class Bundle {
 
     std::span<const Mesh> meshes() const noexcept { return meshes_; }
 
+    const WaveletLightingView& wavelet_lighting() const noexcept { return wavelet_lighting_; }
+
     /// An array in place; for those that shade.h does not use.
     ///
     /// Errors:  ArrayMissing
@@ -208,6 +231,8 @@ class Bundle {
     format::Expected<void> resolve_glossy(std::uint64_t mesh, GlossyView& glossy,
                                           Arena& arena) const noexcept;
     format::Expected<void> resolve_meshes(Arena& arena) noexcept;
+    format::Expected<void> resolve_wavelet_lighting(Arena& arena) noexcept;
+    format::Expected<void> resolve_wavelet(std::uint64_t mesh_index, Mesh& mesh) const noexcept;
     format::Expected<FloatView> place(const format::ArrayInfo& info, Arena& arena) const noexcept;
     format::Error metadata_error() const noexcept;
 
@@ -218,6 +243,8 @@ class Bundle {
     bool lights_extracted_ = false;
     Lobe ggx_, beckmann_;
     std::span<const Mesh> meshes_;
+    WaveletLightingView wavelet_lighting_;
+    float wavelet_step_ = 0;
 };
 
 }  // namespace envbake::runtime

@@ -84,7 +84,7 @@ inline double recurrence_b(int l, int m) {
 }
 inline double sectoral_ratio(int m) {
     return m < kTabledBands ? kRecurrence.sectoral_ratio[m]
-                               : std::sqrt(square_of_sectoral_ratio(m));
+                            : std::sqrt(square_of_sectoral_ratio(m));
 }
 
 }  // namespace detail

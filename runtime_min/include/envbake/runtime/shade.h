@@ -36,6 +36,19 @@ namespace envbake::runtime {
 void diffuse_exit(const TransportView& transport, const ShLightingView& lighting,
                   std::uint64_t first, std::span<Rgb> out) noexcept;
 
+/// Exit radiance of diffuse vertices of albedo 1 by wavelets, with hard shadows: sum over `terms`
+/// of value times transport. Lights that come straight from the environment; what surfaces send to
+/// each other is not in it.
+///
+///   terms  ascending by index; of bundle.wavelet_lighting(), or of another map:
+///          wavelet::light_coefficients(), then wavelet::select_terms()
+///   first  of the vertices to shade; those past the end of the transport get 0
+///
+/// What does not fit the format counts as 0. O(terms * log(coefficients)) a block of 256 vertices,
+/// and the transport of the terms. Source: [Ng03].
+void diffuse_exit(const WaveletTransportView& transport, std::span<const wavelet::Term> terms,
+                  std::uint64_t first, std::span<Rgb> out) noexcept;
+
 /// Prefiltered radiance seen along `direction` (any length but 0) by a lobe of a roughness. For
 /// cube faces a GPU gives the same with trilinear filtering and seamless edges:
 ///

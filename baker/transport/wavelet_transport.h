@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "baker/core/error.h"
+#include "baker/core/progress.h"
+#include "baker/input/scene.h"
+#include "baker/trace/tracer.h"
+#include "baker/transport/cube_visibility.h"
+#include "baker/transport/ray_origin.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+namespace envbake {
+
+struct WaveletJob {
+    int face_size = 64;       ///< texels, wavelet::is_face_size
+    double tolerance = 1e-2;  ///< what rounding may take from a light of one texel
+    std::size_t memory_bytes = std::size_t{256} << 20;  ///< of blocks in memory at once
+};
+
+/// Every vertex is one of unreferenced, free and traced.
+struct WaveletReport {
+    std::uint64_t vertex_count = 0;
+    std::uint64_t unreferenced_count = 0;  ///< no triangle or no normal: no coefficients
+    std::uint64_t free_count = 0;          ///< nothing above the tangent plane: no rays
+    std::uint64_t traced_count = 0;        ///< of equal vertices each
+    std::uint64_t ray_count = 0;
+    std::uint64_t coeff_count = 0;  ///< stored, of all vertices
+    std::uint64_t byte_count = 0;   ///< of the blocks
+};
+
+/// What coefficients are rounded to: 1.2 times the tolerance, relative to 1 / pi, which is what an
+/// open texel overhead has; but no less than lets the largest coefficient be a number of 15 bits.
+/// Under a light of one texel, the worst, some half of the tolerance is lost (rms), measured on
+/// scans and gardens for faces of 32 and 64.
+float wavelet_step(const WaveletJob& job);
+
+/// Rays a vertex that needs rays: 990 to 1,120 were measured for faces of 32, 1,430 to 1,930
+/// for 64.
+int expected_wavelet_rays(const WaveletJob& job);
+
+/// The coefficients of one place, before they are rounded: those of texel_transport().
+///   coeffs  [wavelet::coeff_count(cube.face_size)]
+///   return  rays traced
+int wavelet_transport(const CubeTexels& cube, const Tracer& tracer, const RayOrigin& origin,
+                      std::span<float> coeffs, Look look);
+
+/// Those of a place with nothing above it.
+void open_wavelet_transport(const CubeTexels& cube, const DVec3& normal, std::span<float> coeffs);
+
+/// Bakes "mesh/I/wavelet/blocks", docs/format.md: 256 vertices a block, in it one run of (vertex,
+/// value) a coefficient, so that who has a few lighting terms touches their runs alone.
+///
+/// Blocks are handed to `sink` in order. What is in memory does not grow with the mesh, but for 4
+/// bytes a block and 32 a vertex (SurfacePoints). Light that comes straight from the environment:
+/// no bounces. The rays are not those of bake_diffuse(): its few hundred are coarser than the
+/// coarsest look here, and that is a fifth of the time; the rest goes into outlines.
+///
+///   offsets      gets where each block begins, and the last ends, in units of 4 bytes
+///   square_sums  [coeff_count]: the squares of all vertices' coefficients are added, as
+///                stored: what is rounded away is of no use to a light
+///
+/// Deterministic for any number of threads and any budget. An error of the sink ends the bake and
+/// is returned.
+///
+/// Errors:  Failed  the mesh needs more than 16 GiB
+Expected<WaveletReport> bake_wavelet(
+    const WaveletJob& job, const CubeTexels& cube, const Scene& scene, std::size_t mesh,
+    const Tracer& tracer, const std::function<Expected<void>(std::span<const std::byte>)>& sink,
+    std::vector<std::uint32_t>& offsets, std::span<double> square_sums, Progress& progress);
+
+}  // namespace envbake
