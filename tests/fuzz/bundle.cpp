@@ -72,6 +72,8 @@ void shade(const runtime::Bundle& bundle) {
     for (const runtime::Mesh& mesh : bundle.meshes()) {
         runtime::diffuse_exit(mesh.diffuse, bundle.lighting(), 0, out);
         sum += out[0][0] + out[3][2];
+        runtime::diffuse_exit(mesh.wavelet, bundle.wavelet_lighting().terms, 0, out);
+        sum += out[0][0] + out[3][2];
     }
     volatile float sink = sum;
     static_cast<void>(sink);
