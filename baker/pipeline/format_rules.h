@@ -72,6 +72,13 @@ inline constexpr FormatRule kMipLayout{180, "MipLayout"};
 inline constexpr FormatRule kMipChain{181, "MipChain"};
 inline constexpr FormatRule kAlbedoRows{182, "AlbedoRows"};
 inline constexpr FormatRule kEmittedShape{183, "EmittedShape"};
+inline constexpr FormatRule kRangePair{220, "RangePair"};
+inline constexpr FormatRule kRangeType{221, "RangeType"};
+inline constexpr FormatRule kRangeShape{222, "RangeShape"};
+inline constexpr FormatRule kClustersWhole{223, "ClustersWhole"};
+inline constexpr FormatRule kClusterType{224, "ClusterType"};
+inline constexpr FormatRule kClusterShape{225, "ClusterShape"};
+inline constexpr FormatRule kClusterNumber{226, "ClusterNumber"};
 }  // namespace rule
 
 }  // namespace envbake
