@@ -149,6 +149,12 @@ Json diffuse_json(const DiffuseReport& r) {
             {"error_p999", rounded(r.error_p999)}};
 }
 
+Json encoding_json(const BakeReport::Encoding& e) {
+    return {{"name", e.name},
+            {"error_rms", rounded(e.error_rms)},
+            {"error_worst", rounded(e.error_worst)}};
+}
+
 Json bounces_json(const BounceReport& r) {
     return {{"count", r.bounces},
             {"every_blocked_ray", rounded(r.stride)},
@@ -177,6 +183,8 @@ Json meshes_json(const Scene& scene, const BakeReport& report) {
         if (!mesh.receives) json["receives"] = false;
         if (!mesh.casts) json["casts"] = false;
         if (report.diffuse[i]) json["diffuse"] = diffuse_json(*report.diffuse[i]);
+        if (i < report.encodings.size() && !report.encodings[i].name.empty())
+            json["diffuse"]["encoding"] = encoding_json(report.encodings[i]);
         list.push_back(std::move(json));
     }
     return list;
@@ -205,6 +213,11 @@ std::string tool_version() {
     return ENVBAKE_VERSION;
 }
 
+const char* encoding_name(Encoding encoding) {
+    constexpr const char* kNames[] = {"f32", "f16", "unorm16", "unorm8", "cpca", "auto"};
+    return kNames[static_cast<std::size_t>(encoding)];
+}
+
 Json options_json(const BakeRequest& r) {
     return {{"tolerance", r.tolerance},
             {"bands", r.bands},
@@ -224,6 +237,7 @@ Json options_json(const BakeRequest& r) {
             {"no_cast", r.not_casting},
             {"unshadowed", r.unshadowed},
             {"bounces", r.bounces == kAllBounces ? Json("all") : Json(r.bounces)},
+            {"encoding", encoding_name(r.encoding)},
             {"rays", r.rays_per_vertex},
             {"seed", r.seed},
             {"strict", r.strict},

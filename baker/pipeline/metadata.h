@@ -39,12 +39,21 @@ struct BakeReport {
     int mip_count = 0;
     std::optional<ShWindow> window;
     std::vector<std::optional<DiffuseReport>> diffuse;  ///< one a mesh
+    /// Of a mesh's transport; "" where it is f32.
+    struct Encoding {
+        std::string name;
+        double error_rms = 0, error_worst = 0;  ///< relative, as DiffuseReport's
+    };
+    std::vector<Encoding> encodings;  ///< one a mesh; or none
     std::optional<BounceReport> bounces;
     double self_test_tolerance = 0;
 };
 
 /// The options that decide what the bytes are. Threads and verbosity are not among them.
 Json options_json(const BakeRequest& request);
+
+/// "unorm8", as --encoding has it.
+const char* encoding_name(Encoding encoding);
 
 /// The plan as the bundle stores it: [{"output", "decision": "bake" | "skip", "reason"}].
 Json plan_json(const BakePlan& plan);

@@ -18,6 +18,16 @@ struct RoughnessRange {
     double max = 1;
 };
 
+/// How "mesh/I/diffuse" is stored.
+enum class Encoding {
+    F32,
+    F16,
+    Unorm16,
+    Unorm8,
+    Clustered,  ///< clustered PCA of all meshes together
+    Auto        ///< the smallest that keeps to the tolerance
+};
+
 /// What a person asked for. Nothing here depends on what the inputs turn out to be.
 struct BakeRequest {
     std::filesystem::path scene;        ///< empty: lighting only
@@ -47,6 +57,7 @@ struct BakeRequest {
 
     int bounces = 0;          ///< between surfaces; kAllBounces: until they are too faint
     bool unshadowed = false;  ///< also bake "mesh/I/unshadowed"
+    Encoding encoding = Encoding::F32;
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;
     std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once

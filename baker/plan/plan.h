@@ -58,8 +58,15 @@ struct PlannedEmitted {
     std::size_t mesh = 0;
 };
 
+/// Stores all the shadowed transport, which waits for it, otherwise than as f32.
+struct PlannedEncoding {
+    Encoding encoding = Encoding::Auto;
+    double tolerance = 6e-3;  ///< what it may add, rms over vertices, relative as the bake's
+    int bands = 5;
+};
+
 using Job = std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedDiffuse,
-                         PlannedBounces, PlannedEmitted>;
+                         PlannedBounces, PlannedEmitted, PlannedEncoding>;
 
 struct PlannedStage {
     std::string output;      ///< array name or prefix: "environment/mips"; or "bounces"
