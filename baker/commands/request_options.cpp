@@ -115,6 +115,20 @@ void declare_request(CLI::App& app, BakeRequest& request) {
         ->check(CLI::IsMember({"auto", "16", "32", "64", "128"}));
     app.add_flag("--unshadowed", request.unshadowed,
                  "Also bake mesh/I/unshadowed: transport without occlusion, analytic");
+    app.add_option_function<std::string>(
+           "--encoding",
+           [&request](const std::string& name) {
+               request.encoding = name == "f32"       ? Encoding::F32
+                                  : name == "f16"     ? Encoding::F16
+                                  : name == "unorm16" ? Encoding::Unorm16
+                                  : name == "unorm8"  ? Encoding::Unorm8
+                                  : name == "cpca"    ? Encoding::Clustered
+                                                      : Encoding::Auto;
+           },
+           "How transport is stored: f32, f16, unorm16, unorm8, cpca (clustered PCA), or auto: the "
+           "smallest that keeps to the tolerance")
+        ->check(CLI::IsMember({"f32", "f16", "unorm16", "unorm8", "cpca", "auto"}))
+        ->default_str("f32");
     const auto add_names = [&app](const char* option, std::vector<std::string>& names,
                                   const char* what) {
         app.add_option(option, names, what)->type_name("NAME")->allow_extra_args(false);

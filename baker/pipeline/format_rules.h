@@ -93,6 +93,13 @@ inline constexpr FormatRule kWaveletIndex{196, "WaveletIndex"};
 inline constexpr FormatRule kWaveletOffsets{197, "WaveletOffsets"};
 inline constexpr FormatRule kWaveletBlock{198, "WaveletBlock"};
 inline constexpr FormatRule kWaveletVertexAbsent{199, "WaveletVertexAbsent"};
+inline constexpr FormatRule kRangePair{220, "RangePair"};
+inline constexpr FormatRule kRangeType{221, "RangeType"};
+inline constexpr FormatRule kRangeShape{222, "RangeShape"};
+inline constexpr FormatRule kClustersWhole{223, "ClustersWhole"};
+inline constexpr FormatRule kClusterType{224, "ClusterType"};
+inline constexpr FormatRule kClusterShape{225, "ClusterShape"};
+inline constexpr FormatRule kClusterNumber{226, "ClusterNumber"};
 }  // namespace rule
 
 }  // namespace envbake

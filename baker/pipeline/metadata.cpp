@@ -176,6 +176,12 @@ Json diffuse_json(const DiffuseReport& r) {
             {"error_p999", rounded(r.error_p999)}};
 }
 
+Json encoding_json(const BakeReport::Encoding& e) {
+    return {{"name", e.name},
+            {"error_rms", rounded(e.error_rms)},
+            {"error_worst", rounded(e.error_worst)}};
+}
+
 Json bounces_json(const BounceReport& r) {
     return {{"count", r.bounces},
             {"every_blocked_ray", rounded(r.stride)},
@@ -238,6 +244,8 @@ Json meshes_json(const Scene& scene, const BakeReport& report) {
         if (report.wavelet)
             for (const auto& [index, r] : report.wavelet->meshes)
                 if (index == i) json["wavelet"] = wavelet_mesh_json(r);
+        if (i < report.encodings.size() && !report.encodings[i].name.empty())
+            json["diffuse"]["encoding"] = encoding_json(report.encodings[i]);
         list.push_back(std::move(json));
     }
     return list;
@@ -266,6 +274,11 @@ std::string tool_version() {
     return ENVBAKE_VERSION;
 }
 
+const char* encoding_name(Encoding encoding) {
+    constexpr const char* kNames[] = {"f32", "f16", "unorm16", "unorm8", "cpca", "auto"};
+    return kNames[static_cast<std::size_t>(encoding)];
+}
+
 Json options_json(const BakeRequest& r) {
     return {{"tolerance", r.tolerance},
             {"bands", r.bands},
@@ -288,6 +301,7 @@ Json options_json(const BakeRequest& r) {
             {"unshadowed", r.unshadowed},
             {"bounces", r.bounces == kAllBounces ? Json("all") : Json(r.bounces)},
             {"wavelet", wavelet_option(r)},
+            {"encoding", encoding_name(r.encoding)},
             {"rays", r.rays_per_vertex},
             {"seed", r.seed},
             {"strict", r.strict},

@@ -65,6 +65,12 @@ struct BakeReport {
         int rows = 0;
     };
     std::optional<ExpandedLobe> ggx_lobe, beckmann_lobe;
+    /// Of a mesh's transport; "" where it is f32.
+    struct Encoding {
+        std::string name;
+        double error_rms = 0, error_worst = 0;  ///< relative, as DiffuseReport's
+    };
+    std::vector<Encoding> encodings;  ///< one a mesh; or none
     std::optional<BounceReport> bounces;
     std::optional<WaveletSummary> wavelet;
     double self_test_tolerance = 0;
@@ -72,6 +78,9 @@ struct BakeReport {
 
 /// The options that decide what the bytes are. Threads and verbosity are not among them.
 Json options_json(const BakeRequest& request);
+
+/// "unorm8", as --encoding has it.
+const char* encoding_name(Encoding encoding);
 
 /// The plan as the bundle stores it: [{"output", "decision": "bake" | "skip", "reason"}].
 Json plan_json(const BakePlan& plan);

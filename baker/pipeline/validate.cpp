@@ -41,6 +41,10 @@ struct KnownName {
         Table,
         AverageAlbedo,
         Diffuse,
+        Range,
+        Weights,
+        Cluster,
+        Basis,
         Unshadowed,
         Emitted,
         Glossy,
@@ -133,9 +137,14 @@ KnownName known_name(std::string_view name) {
             const auto level = take_number(name);
             if (level && name.empty()) return {Kind::Mip, *level, lobe};
         }
+    } else if (name == "mesh/diffuse_basis") {
+        return {Kind::Basis};
     } else if (take("mesh/")) {
         const auto mesh = take_number(name);
         if (mesh && name == "/diffuse") return {Kind::Diffuse, *mesh};
+        if (mesh && name == "/diffuse_range") return {Kind::Range, *mesh};
+        if (mesh && name == "/diffuse_weights") return {Kind::Weights, *mesh};
+        if (mesh && name == "/diffuse_cluster") return {Kind::Cluster, *mesh};
         if (mesh && name == "/emitted") return {Kind::Emitted, *mesh};
         if (mesh && name == "/unshadowed") return {Kind::Unshadowed, *mesh};
         if (mesh && name == "/glossy") return {Kind::Glossy, *mesh};
@@ -345,10 +354,35 @@ class Validation {
                 require_shape(info, rule::kAlbedoShape, info.rank == 1, "[n]");
                 break;
             case Kind::Diffuse:
-                require_type(info, rule::kTransportType, {ElementType::F32});
+                require_type(
+                    info, rule::kTransportType,
+                    {ElementType::F32, ElementType::F16, ElementType::U16, ElementType::U8});
                 require_shape(info, rule::kTransportShape,
                               is_square(s[1]) && (info.rank == 2 || (info.rank == 3 && s[2] == 3)),
                               "[vertices, n*n] or [vertices, n*n, 3] for n of 1 to 10");
+                break;
+            case Kind::Range:
+                require_type(info, rule::kRangeType, {ElementType::F32});
+                require_shape(info, rule::kRangeShape,
+                              is_square(s[0]) && ((info.rank == 2 && s[1] == 2) ||
+                                                  (info.rank == 3 && s[1] == 3 && s[2] == 2)),
+                              "[n*n, 2] or [n*n, 3, 2] for n of 1 to 10");
+                break;
+            case Kind::Weights:
+                require_type(info, rule::kClusterType, {ElementType::U8});
+                require_shape(info, rule::kClusterShape, info.rank == 2, "[vertices, k]");
+                break;
+            case Kind::Cluster:
+                require_type(info, rule::kClusterType, {ElementType::U8, ElementType::U16});
+                require_shape(info, rule::kClusterShape, info.rank == 1, "[vertices]");
+                break;
+            case Kind::Basis:
+                require_type(info, rule::kClusterType, {ElementType::F16, ElementType::F32});
+                require_shape(info, rule::kClusterShape,
+                              (info.rank == 3 || (info.rank == 4 && s[3] == 3)) && s[0] >= 1 &&
+                                  s[0] <= 65536 && s[1] >= 2 && s[1] <= 33 && is_square(s[2]),
+                              "[clusters, 1 + k, n*n] or [clusters, 1 + k, n*n, 3] for up to "
+                              "65536 clusters, k of 1 to 32 and n of 1 to 10");
                 break;
             case Kind::Emitted:
                 require_type(info, rule::kEmittedType, {ElementType::F32});
@@ -437,6 +471,7 @@ class Validation {
 
     void check_metadata_agrees() {
         check_meshes_member();
+        check_encodings();
         check_self_test_member();
         const Json lights = member(member(metadata_, "environment"), "lights");
         if (reader_.find("environment/lights") && !member(lights, "extracted").is_boolean())
@@ -610,7 +645,7 @@ class Validation {
                     concat("meshes[", known.number, "] is missing, but ", info.name, " is not"));
             using Kind = KnownName::Kind;
             const auto of_a_mesh = {Kind::Diffuse, Kind::Emitted, Kind::Unshadowed, Kind::Glossy,
-                                    Kind::Normal};
+                                    Kind::Normal,  Kind::Weights, Kind::Cluster};
             if (std::find(of_a_mesh.begin(), of_a_mesh.end(), known.kind) == of_a_mesh.end())
                 continue;
             if (known.number >= meshes.size())
@@ -624,13 +659,63 @@ class Validation {
         }
     }
 
+    /// Transport that is not made of floats has all that it is decoded with.
+    void check_encodings() {
+        using Kind = KnownName::Kind;
+        const auto basis = reader_.find("mesh/diffuse_basis");
+        for (std::size_t i = 0; i < reader_.array_count(); ++i) {
+            const format::ArrayInfo info = reader_.array(i);
+            const KnownName known = known_name(info.name);
+            const auto beside = [&](const char* what) {
+                return reader_.find(concat("mesh/", known.number, "/diffuse", what));
+            };
+            if (known.kind == Kind::Diffuse && is_code(info)) {
+                const auto range = beside("_range");
+                if (!range)
+                    add(rule::kRangePair, concat("array ", info.name, ": has no ", info.name,
+                                                 "_range to be decoded with"));
+                else if (range->rank != info.rank || range->shape[0] != info.shape[1])
+                    add(rule::kRangeShape,
+                        concat("array ", range->name, ": its shape is not that of a row of ",
+                               info.name));
+            }
+            if (known.kind == Kind::Range) {
+                const auto diffuse = beside("");
+                if (!diffuse || !is_code(*diffuse))
+                    add(rule::kRangePair,
+                        concat("array ", info.name, ": belongs to no transport of u8 or u16"));
+            }
+            if (known.kind == Kind::Cluster && !beside("_weights"))
+                add(rule::kClustersWhole, concat("array ", info.name, ": has no weights beside"));
+            if (known.kind != Kind::Weights) continue;
+            const auto cluster = beside("_cluster");
+            if (!cluster || !basis || beside(""))
+                add(rule::kClustersWhole,
+                    concat("array ", info.name,
+                           beside("") ? ": stands beside the same transport of another encoding"
+                                      : ": has no clusters beside, or no mesh/diffuse_basis"));
+            else if (info.shape[1] + 1 != basis->shape[1])
+                add(rule::kClusterShape, concat("array ", info.name,
+                                                ": not one weight for each row of a cluster but "
+                                                "the first"));
+            else if (const auto numbers = statistics(reader_, *cluster);
+                     numbers && numbers->max >= static_cast<double>(basis->shape[0]))
+                add(rule::kClusterNumber, concat("array ", cluster->name, ": names cluster ",
+                                                 numbers->max, " of ", basis->shape[0]));
+        }
+    }
+    static bool is_code(const format::ArrayInfo& info) {
+        return info.type == format::ElementType::U8 || info.type == format::ElementType::U16;
+    }
+
     /// A bundle with lighting must say how to check a reader of it, and mean it.
     void check_self_test_member() {
         const bool has_lighting = reader_.find("environment/sh").has_value();
         bool has_diffuse = false;
         for (std::size_t i = 0; i < reader_.array_count(); ++i) {
             const format::ArrayInfo info = reader_.array(i);
-            if (known_name(info.name).kind == KnownName::Kind::Diffuse)
+            const KnownName::Kind kind = known_name(info.name).kind;
+            if (kind == KnownName::Kind::Diffuse || kind == KnownName::Kind::Weights)
                 has_diffuse = has_diffuse || info.shape[0] > 0;
         }
         bool asked = has_lighting;
@@ -678,7 +763,9 @@ class Validation {
         if (!vertices) return;
         for (std::size_t i = 0; i + 1 < vertices->size(); i += 2) {
             const std::uint32_t mesh = (*vertices)[i], vertex = (*vertices)[i + 1];
-            const auto rows = reader_.find(concat("mesh/", mesh, rows_name));
+            auto rows = reader_.find(concat("mesh/", mesh, rows_name));
+            if (!rows && rows_name == std::string_view("/diffuse"))
+                rows = reader_.find(concat("mesh/", mesh, "/diffuse_weights"));
             if (rows && vertex < rows->shape[0]) continue;
             add(rule::kVertexAbsent,
                 concat("array ", question, ": row ", i / 2, " asks for vertex ", vertex,

@@ -31,6 +31,16 @@ enum class WaveletUse {
     Always
 };
 
+/// How "mesh/I/diffuse" is stored.
+enum class Encoding {
+    F32,
+    F16,
+    Unorm16,
+    Unorm8,
+    Clustered,  ///< clustered PCA of all meshes together
+    Auto        ///< the smallest that keeps to the tolerance
+};
+
 /// What a person asked for. Nothing here depends on what the inputs turn out to be.
 struct BakeRequest {
     std::filesystem::path scene;        ///< empty: lighting only
@@ -63,7 +73,8 @@ struct BakeRequest {
     int glossy_bands = 5;                      ///< of exit radiance, 1 .. 5
     bool unshadowed = false;                   ///< also bake "mesh/I/unshadowed"
     WaveletUse wavelet = WaveletUse::Never;
-    int wavelet_size = 64;    ///< texels along a face of the basis, wavelet::is_face_size
+    int wavelet_size = 64;  ///< texels along a face of the basis, wavelet::is_face_size
+    Encoding encoding = Encoding::F32;
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     std::uint64_t seed = 0;
     std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once

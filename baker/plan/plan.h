@@ -92,9 +92,17 @@ struct PlannedWaveletLight {
     int channels = 3;  ///< 1: the map is grey
 };
 
-using Job = std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedLobe,
-                         PlannedGlossy, PlannedDiffuse, PlannedBounces, PlannedEmitted,
-                         PlannedWavelet, PlannedWaveletWeights, PlannedWaveletLight>;
+/// Stores all the shadowed transport, which waits for it, otherwise than as f32.
+struct PlannedEncoding {
+    Encoding encoding = Encoding::Auto;
+    double tolerance = 6e-3;  ///< what it may add, rms over vertices, relative as the bake's
+    int bands = 5;
+};
+
+using Job =
+    std::variant<PlannedLights, PlannedSh, PlannedMips, PlannedTable, PlannedLobe, PlannedGlossy,
+                 PlannedDiffuse, PlannedBounces, PlannedEmitted, PlannedEncoding, PlannedWavelet,
+                 PlannedWaveletWeights, PlannedWaveletLight>;
 
 /// Below this roughness five bands miss so much of a GGX lobe that prefiltered mips are the better
 /// picture, shadows or not: docs/accuracy.md has the curve.

@@ -98,6 +98,16 @@ class Bundle:
             require(stored.size == entry["size"], f"{name}: decodes to another size")
         return stored.view(TYPES[entry["type"]]).reshape(entry["shape"][:entry["rank"]])
 
+    def transport(self, mesh, rows=slice(None)):
+        """T of vertices of a mesh, [k, bands^2] or [k, bands^2, 3], decoded from whatever it is stored as."""
+        name = f"mesh/{mesh}/diffuse"
+        if name + "_weights" in self.entries:
+            basis = self["mesh/diffuse_basis"][self[name + "_cluster"][rows]].astype("f4")
+            return basis[:, 0] + np.einsum("vk,vk...->v...", self[name + "_weights"][rows], basis[:, 1:])
+        T = self[name][rows]
+        low, step = np.moveaxis(self[name + "_range"], -1, 0) if T.dtype.kind == "u" else (0, 1)
+        return np.float32(low + step * np.float64(T))
+
     def __iter__(self):
         return iter(self.entries)
 
@@ -158,7 +168,7 @@ def self_test(bundle):
     if "selftest/diffuse/value" in bundle:
         answers = []
         for mesh, v in bundle["selftest/diffuse/vertex"].tolist():
-            answers.append(diffuse_exit(bundle[f"mesh/{mesh}/diffuse"][v:v + 1], bundle["environment/sh"])[0] * [1, 1, 1])
+            answers.append(diffuse_exit(bundle.transport(mesh, [v]), bundle["environment/sh"])[0] * [1, 1, 1])
             if f"mesh/{mesh}/emitted" in bundle.entries:
                 answers[-1] += bundle[f"mesh/{mesh}/emitted"][v]
         compared += compare("diffuse", np.array(answers), bundle["selftest/diffuse/value"])

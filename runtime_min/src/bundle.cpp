@@ -25,6 +25,7 @@ constexpr std::uint64_t kAlignment = 64;
 constexpr std::uint64_t kMaxMeshes = 1u << 24;
 constexpr std::uint64_t kMaxMipWidth = 1u << 15;
 constexpr std::uint64_t kMaxTableSize = 1u << 12;
+constexpr std::uint64_t kMaxClusters = 1u << 16;
 
 /// "mesh/12/diffuse", on the stack.
 class Name {
@@ -163,6 +164,7 @@ format::Expected<void> Bundle::resolve(Arena& arena) noexcept {
     ENVBAKE_TRY_VOID(resolve_glossy_lobe(kGgx, ggx_.glossy, arena));
     ENVBAKE_TRY_VOID(resolve_glossy_lobe(kBeckmann, beckmann_.glossy, arena));
     ENVBAKE_TRY_VOID(resolve_wavelet_lighting(arena));
+    ENVBAKE_TRY_VOID(resolve_cluster_basis(arena));
     return resolve_meshes(arena);
 }
 
@@ -171,21 +173,25 @@ Error Bundle::metadata_error() const noexcept {
     return Error::at(Errc::Metadata, info ? info->offset : 0, format::kMetadataName);
 }
 
+format::Expected<const void*> Bundle::place_bytes(const ArrayInfo& info,
+                                                  Arena& arena) const noexcept {
+    if (info.codec == format::Codec::None) {
+        return static_cast<const void*>(reader_.stored_bytes(info).data());
+    }
+    if (!reader_.size_is_plausible(info)) return error_in(Errc::ArrayDecode, info);
+    std::byte* piece = arena.take(info.size);
+    if (arena.has_memory()) {
+        ENVBAKE_TRY_VOID(reader_.read(info, {piece, static_cast<std::size_t>(info.size)}));
+    }
+    return static_cast<const void*>(piece);
+}
+
 format::Expected<FloatView> Bundle::place(const ArrayInfo& info, Arena& arena) const noexcept {
     if (info.type != ElementType::F32 && info.type != ElementType::F16) {
         return error_in(Errc::ArrayType, info);
     }
-    FloatView view{reader_.stored_bytes(info).data(), info.element_count(),
-                   info.type == ElementType::F16};
-    if (info.codec != format::Codec::None) {
-        if (!reader_.size_is_plausible(info)) return error_in(Errc::ArrayDecode, info);
-        std::byte* piece = arena.take(info.size);
-        view.data = piece;
-        if (arena.has_memory()) {
-            ENVBAKE_TRY_VOID(reader_.read(info, {piece, static_cast<std::size_t>(info.size)}));
-        }
-    }
-    return view;
+    ENVBAKE_TRY(const void* data, place_bytes(info, arena));
+    return FloatView{data, info.element_count(), info.type == ElementType::F16};
 }
 
 format::Expected<void> Bundle::resolve_lighting(Arena& arena) noexcept {
@@ -394,6 +400,88 @@ format::Expected<void> Bundle::resolve_glossy(std::uint64_t mesh, GlossyView& gl
     return {};
 }
 
+format::Expected<void> Bundle::resolve_cluster_basis(Arena& arena) noexcept {
+    const std::optional<ArrayInfo> info = reader_.find("mesh/diffuse_basis");
+    if (!info) return {};
+    const bool coloured = info->rank == 4 && info->shape[3] == 3;
+    cluster_basis_.bands = bands_of(info->shape[2]);
+    if ((info->rank != 3 && !coloured) || cluster_basis_.bands == 0 || info->shape[0] < 1 ||
+        info->shape[0] > kMaxClusters || info->shape[1] < 2 ||
+        info->shape[1] > 1 + static_cast<std::uint64_t>(kMaxClusterWeights)) {
+        return error_in(Errc::ArrayShape, *info);
+    }
+    cluster_basis_.channels = coloured ? 3 : 1;
+    cluster_basis_.cluster_count = static_cast<std::uint32_t>(info->shape[0]);
+    cluster_basis_.weight_count = static_cast<int>(info->shape[1]) - 1;
+    ENVBAKE_TRY(cluster_basis_.rows, place(*info, arena));
+    return {};
+}
+
+format::Expected<void> Bundle::resolve_clustered(std::uint64_t index, const ArrayInfo& weights,
+                                                 TransportView& transport, Arena& arena) noexcept {
+    const Name name("mesh/", index, "/diffuse_cluster");
+    const std::optional<ArrayInfo> clusters = reader_.find(name);
+    if (!clusters) return Error::at(Errc::ArrayMissing, 0, name);
+    if (cluster_basis_.cluster_count == 0) {
+        return Error::at(Errc::ArrayMissing, 0, "mesh/diffuse_basis");
+    }
+    if (weights.type != ElementType::U8) return error_in(Errc::ArrayType, weights);
+    if (clusters->type != ElementType::U8 && clusters->type != ElementType::U16) {
+        return error_in(Errc::ArrayType, *clusters);
+    }
+    if (weights.rank != 2 || weights.shape[0] != transport.vertex_count ||
+        weights.shape[1] != static_cast<std::uint64_t>(cluster_basis_.weight_count)) {
+        return error_in(Errc::ArrayShape, weights);
+    }
+    if (clusters->rank != 1 || clusters->shape[0] != transport.vertex_count) {
+        return error_in(Errc::ArrayShape, *clusters);
+    }
+    transport.encoding = TransportEncoding::Clustered;
+    transport.bands = cluster_basis_.bands;
+    transport.channels = cluster_basis_.channels;
+    transport.basis = cluster_basis_;
+    transport.clusters_are_16_bit = clusters->type == ElementType::U16;
+    ENVBAKE_TRY(transport.codes, place_bytes(weights, arena));
+    ENVBAKE_TRY(transport.clusters, place_bytes(*clusters, arena));
+    return {};
+}
+
+format::Expected<void> Bundle::resolve_transport(std::uint64_t index, TransportView& transport,
+                                                 Arena& arena) noexcept {
+    const std::optional<ArrayInfo> info = reader_.find(Name("mesh/", index, "/diffuse"));
+    if (!info) {
+        const std::optional<ArrayInfo> weights =
+            reader_.find(Name("mesh/", index, "/diffuse_weights"));
+        return weights ? resolve_clustered(index, *weights, transport, arena)
+                       : format::Expected<void>{};
+    }
+    const bool coloured = info->rank == 3 && info->shape[2] == 3;
+    transport.bands = bands_of(info->shape[1]);
+    transport.channels = coloured ? 3 : 1;
+    if ((info->rank != 2 && !coloured) || transport.bands == 0 ||
+        info->shape[0] != transport.vertex_count) {
+        return error_in(Errc::ArrayShape, *info);
+    }
+    if (info->type != ElementType::U8 && info->type != ElementType::U16) {
+        ENVBAKE_TRY(transport.values, place(*info, arena));
+        return {};
+    }
+    const Name name("mesh/", index, "/diffuse_range");
+    const std::optional<ArrayInfo> range = reader_.find(name);
+    if (!range) return Error::at(Errc::ArrayMissing, 0, name);
+    if (range->type != ElementType::F32) return error_in(Errc::ArrayType, *range);
+    if (range->rank != info->rank || range->shape[0] != info->shape[1] ||
+        (coloured && range->shape[1] != 3) || range->shape[info->rank - 1u] != 2) {
+        return error_in(Errc::ArrayShape, *range);
+    }
+    transport.encoding =
+        info->type == ElementType::U8 ? TransportEncoding::Unorm8 : TransportEncoding::Unorm16;
+    ENVBAKE_TRY(transport.codes, place_bytes(*info, arena));
+    ENVBAKE_TRY(const FloatView low_and_step, place(*range, arena));
+    transport.range = static_cast<const float*>(low_and_step.data);
+    return {};
+}
+
 format::Expected<void> Bundle::resolve_meshes(Arena& arena) noexcept {
     const std::optional<JsonCursor> list = JsonCursor(reader_.metadata()).find("meshes");
     if (!list) return {};
@@ -427,23 +515,12 @@ format::Expected<void> Bundle::resolve_meshes(Arena& arena) noexcept {
         mesh.mesh = static_cast<std::uint32_t>(mesh_index);
         mesh.primitive = static_cast<std::uint32_t>(primitive);
 
-        if (const std::optional<ArrayInfo> info = reader_.find(Name("mesh/", i, "/diffuse"))) {
-            const bool coloured = info->rank == 3 && info->shape[2] == 3;
-            mesh.diffuse.vertex_count = mesh.vertex_count;
-            mesh.diffuse.bands = bands_of(info->shape[1]);
-            mesh.diffuse.channels = coloured ? 3 : 1;
-            if ((info->rank != 2 && !coloured) || mesh.diffuse.bands == 0 ||
-                info->shape[0] != mesh.vertex_count) {
-                error = error_in(Errc::ArrayShape, *info);
-                return false;
-            }
-            const format::Expected<FloatView> values = place(*info, arena);
-            if (!values) {
-                error = values.error();
-                return false;
-            }
-            mesh.diffuse.values = *values;
+        mesh.diffuse.vertex_count = mesh.vertex_count;
+        if (const auto resolved = resolve_transport(i, mesh.diffuse, arena); !resolved) {
+            error = resolved.error();
+            return false;
         }
+        if (mesh.diffuse.bands == 0) mesh.diffuse.vertex_count = 0;
         const std::optional<ArrayInfo> emitted = reader_.find(Name("mesh/", i, "/emitted"));
         if (emitted && mesh.diffuse.bands > 0) {
             if (emitted->rank != 2 || emitted->shape[0] != mesh.vertex_count ||

@@ -3,6 +3,7 @@
 
 #include "envbake/runtime/sh.h"
 #include "envbake/runtime/sh_rotation.h"
+#include "envbake/runtime/shade.h"
 
 #include <algorithm>
 #include <cmath>
@@ -176,18 +177,16 @@ Rgb mean_of_blocked(const Mesh& mesh, std::uint64_t vertex, float blocked_0,
     const float blocked_share = blocked_0 * std::sqrt(4 * std::numbers::pi_v<float>);
     const TransportView& diffuse = mesh.diffuse;
     if (diffuse.bands == 0 || !(blocked_share > 1e-3f)) return {};
-    const auto channels = static_cast<std::uint64_t>(diffuse.channels);
-    const std::uint64_t row = vertex * square(diffuse.bands) * channels;
+    const std::size_t count = square(std::min(diffuse.bands, mesh.glossy.light_bands));
+    const ShLightingView light{mesh.glossy.light_bands,
+                               std::span(lighting[0].data(), 3 * lighting.size())};
+    Rgb sum;
+    diffuse_exit(diffuse, light, vertex, {&sum, 1});
     const std::uint64_t direct = vertex * square(mesh.glossy.light_bands + kExtraVisibilityBands);
-    Rgb sum{};
-    for (std::size_t i = 0; i < square(std::min(diffuse.bands, mesh.glossy.light_bands)); ++i)
+    for (std::size_t i = 0; i < count; ++i)
         for (std::size_t c = 0; c < 3; ++c)
-            sum[c] += lighting[i][c] * (diffuse.values[row + i * channels + c % channels] -
-                                        mesh.glossy.visibility[direct + i]);
-    for (std::size_t c = 0; c < 3; ++c) {
-        if (diffuse.emitted.count > 0) sum[c] += diffuse.emitted[3 * vertex + c];
-        sum[c] /= blocked_share;
-    }
+            sum[c] -= lighting[i][c] * mesh.glossy.visibility[direct + i];
+    for (float& channel : sum) channel /= blocked_share;
     return sum;
 }
 
@@ -283,7 +282,8 @@ TransferredLight GlossyLight::transfer(const Mesh& mesh, std::uint64_t vertex) c
                 kernel_side[first + k][c] = sum[k];
         }
     }
-    const Rgb from_surfaces = mean_of_blocked(mesh, vertex, blocked[0], lighting_);
+    const Rgb from_surfaces =
+        mean_of_blocked(mesh, vertex, blocked[0], std::span(lighting_).first(square(bands_)));
     for (std::size_t k = 0; k < std::min(rows, kMaxKernel); ++k)
         for (std::size_t c = 0; c < 3; ++c) kernel_side[k][c] -= from_surfaces[c] * blocked[k];
     std::array<Four, kMaxLight> lighting{};

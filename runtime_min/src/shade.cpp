@@ -39,55 +39,6 @@ Rgb irradiance(const ShLightingView& lighting, const Vec3& n) noexcept {
     return {static_cast<float>(sum[0]), static_cast<float>(sum[1]), static_cast<float>(sum[2])};
 }
 
-Rgb diffuse_exit(std::span<const float> row, const ShLightingView& lighting) noexcept {
-    const std::size_t count = std::min(row.size(), lighting.coeffs.size() / 3);
-    const float* light = lighting.coeffs.data();
-    // Two sums a channel: the additions of one do not wait for each other.
-    float even[3] = {}, odd[3] = {};
-    std::size_t i = 0;
-    for (; i + 1 < count; i += 2) {
-        for (std::size_t c = 0; c < 3; ++c) {
-            even[c] += row[i] * light[3 * i + c];
-            odd[c] += row[i + 1] * light[3 * i + 3 + c];
-        }
-    }
-    if (i < count) {
-        for (std::size_t c = 0; c < 3; ++c) even[c] += row[i] * light[3 * i + c];
-    }
-    return {even[0] + odd[0], even[1] + odd[1], even[2] + odd[2]};
-}
-
-void diffuse_exit(const TransportView& transport, const ShLightingView& lighting,
-                  std::uint64_t first, std::span<Rgb> out) noexcept {
-    const auto coeff_count = static_cast<std::size_t>(sh::coeff_count(transport.bands));
-    const auto channels = static_cast<std::size_t>(transport.channels);
-    const std::size_t row_size = coeff_count * channels;
-    const std::size_t shared = std::min(coeff_count, lighting.coeffs.size() / 3);
-
-    for (std::size_t k = 0; k < out.size(); ++k) {
-        out[k] = {};
-        if (transport.bands == 0 || k >= transport.vertex_count ||
-            first >= transport.vertex_count - k) {
-            continue;
-        }
-        const std::uint64_t begin = (first + k) * row_size;
-        if (channels == 1 && !transport.values.is_half) {
-            const float* values = static_cast<const float*>(transport.values.data);
-            out[k] = diffuse_exit(std::span(values + begin, coeff_count), lighting);
-        } else {
-            for (std::size_t i = 0; i < shared; ++i) {
-                for (std::size_t c = 0; c < 3; ++c) {
-                    const std::size_t slot = channels == 3 ? 3 * i + c : i;
-                    out[k][c] += transport.values[begin + slot] * lighting.coeffs[3 * i + c];
-                }
-            }
-        }
-        if (transport.emitted.count > 0) {
-            for (std::size_t c = 0; c < 3; ++c) out[k][c] += transport.emitted[3 * (first + k) + c];
-        }
-    }
-}
-
 SpecularAlbedo lookup_brdf(const BrdfTableView& table, float n_dot_v,
                            float perceptual_roughness) noexcept {
     if (table.rows == 0) return {};

@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstdint>
 #include <fstream>
 #include <iterator>
@@ -73,6 +74,61 @@ TEST_F(PythonReader, ReadsWhatExtractGives) {
     ASSERT_EQ(compared.status, 0) << compared.err;
     const std::string count = std::to_string(reader->array_count());
     EXPECT_EQ(compared.out, count + " " + count + " True\n");
+}
+
+/// Every encoding of one transport: the bundle is valid, the reader's answers are those of the
+/// self-test, what it decodes is off from the f32 by what the metadata says, and the bytes are the
+/// same on any number of threads.
+TEST_F(PythonReader, DecodesEveryEncodingOfTransport) {
+    const std::string scene = write_small_scene(folder_.path(), "scene", 16).string();
+    const std::string sky = write_small_sky(folder_ / "sky.hdr").string();
+    const auto bake = [&](const std::string& name, std::vector<std::string> options) {
+        std::vector<std::string> arguments{
+            "bake",       scene, "--env",        sky, "-o",     (folder_ / name).string(),
+            "--mip-size", "4",   "--table-size", "4", "--rays", "256"};
+        arguments.insert(arguments.end(), options.begin(), options.end());
+        const Outcome baked = envbake(arguments);
+        EXPECT_EQ(baked.status, 0) << baked.err;
+        return (folder_ / name).string();
+    };
+    // The encoding, the bounces, and the tolerance at which f32 is baked alike: the share of 1e-2
+    // that the plan leaves to the bake.
+    const std::vector<std::array<std::string, 3>> cases{
+        {"f16", "0", "0.01"},     {"unorm16", "1", "0.01"}, {"unorm8", "0", "0.009"},
+        {"unorm8", "1", "0.009"}, {"cpca", "0", "0.008"},   {"cpca", "1", "0.008"},
+        {"auto", "0", "0.008"}};
+    for (const auto& [encoding, bounces, tolerance] : cases) {
+        const std::string plain =
+            bake("f32", {"--bounces", bounces, "--tolerance", tolerance, "--force"});
+        std::string files[2];
+        for (const std::string threads : {"1", "2"})
+            files[threads == "2"] = bake(
+                encoding + threads,
+                {"--bounces", bounces, "--encoding", encoding, "--threads", threads, "--force"});
+        EXPECT_EQ(read_file(files[0]), read_file(files[1])) << encoding;
+        EXPECT_EQ(envbake({"validate", files[0]}).status, 0) << encoding;
+        const Outcome compared =
+            python({"-c",
+                    "import sys; sys.path.insert(0, sys.argv[1])\n"
+                    "import envb, numpy as np\n"
+                    "plain, bundle = envb.Bundle(sys.argv[2]), envb.Bundle(sys.argv[3])\n"
+                    "assert envb.self_test(bundle) > 20\n"
+                    "a, b = plain.transport(0).astype('f8'), bundle.transport(0).astype('f8')\n"
+                    "stated = bundle.metadata()['meshes'][0]['diffuse']['encoding']\n"
+                    "A = envb.clamped_cosine(5) / np.pi\n"
+                    "norm = np.sqrt(np.sum(A ** 2) / (4 * np.pi) * a[0].size / 25)\n"
+                    "off = np.sqrt(np.sum((a - b).reshape(len(a), -1) ** 2, 1)) / norm\n"
+                    "rms, worst = np.sqrt(np.mean(off ** 2)), off.max()\n"
+                    "assert 0 < rms < 6.1e-3, rms\n"
+                    "assert abs(rms / stated['error_rms'] - 1) < 6e-3, (rms, stated)\n"
+                    "assert abs(worst / stated['error_worst'] - 1) < 6e-3, (worst, stated)\n"
+                    "print(stated['name'])\n",
+                    fs::path(script_).parent_path().string(), plain, files[0]});
+        EXPECT_EQ(compared.status, 0) << encoding << ' ' << compared.err;
+        if (encoding != "auto") {
+            EXPECT_EQ(compared.out, encoding + "\n");
+        }
+    }
 }
 
 /// Array lengths take every path of the checksum.

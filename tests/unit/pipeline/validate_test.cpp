@@ -246,6 +246,27 @@ struct Wavelets {
     }
 };
 
+template <class T>
+void add_all(Writer& w, const std::string& name, std::vector<std::uint64_t> shape, T value) {
+    std::uint64_t count = 1;
+    for (const std::uint64_t axis : shape) count *= axis;
+    EXPECT_TRUE(w.add<T>(name, std::move(shape), std::vector<T>(count, value)));
+}
+
+/// Transport of 2 vertices of mesh 1 by 3 clusters with one weight each; what is spoiled differs.
+struct Clustered {
+    std::vector<std::uint64_t> basis{3, 2, 4}, weights{2, 1}, cluster{2};
+    std::uint8_t number = 2;
+    bool with_basis = true, with_weights = true, with_cluster = true, with_rows = false;
+
+    void operator()(Writer& w) const {
+        if (with_basis) add_all<float>(w, "mesh/diffuse_basis", basis, 0.25f);
+        if (with_weights) add_all<std::uint8_t>(w, "mesh/1/diffuse_weights", weights, 1);
+        if (with_cluster) add_all<std::uint8_t>(w, "mesh/1/diffuse_cluster", cluster, number);
+        if (with_rows) add_all<float>(w, "mesh/1/diffuse", {2, 4}, 0.5f);
+    }
+};
+
 // One fault or more for every rule; each gives its code and no other. The good bundle that all of
 // them start from gives none.
 TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
@@ -279,7 +300,75 @@ TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
     Content good;
     wavelets([](Wavelets&) {})(good);
     EXPECT_EQ(codes(good), Codes{});
+    const auto second_mesh = [](std::function<void(Writer&)> add) -> Fault {
+        return [add](Content& c) {
+            c.replace("\"vertex_count\":2}]", R"("vertex_count":2},
+                      {"node":1,"mesh":1,"primitive":0,"vertex_count":2}])");
+            c.also = add;
+        };
+    };
+    const auto clustered = [&](auto spoil) {
+        Clustered arrays;
+        spoil(arrays);
+        return second_mesh(arrays);
+    };
     const std::vector<std::pair<int, Fault>> contents{
+        {220, second_mesh([](Writer& w) {
+             add_all<std::uint8_t>(w, "mesh/1/diffuse", {2, 4}, 1);
+         })},
+        {220, also([](Writer& w) {
+             add_ones(w, "mesh/0/diffuse_range", {4, 2});
+         })},
+        {221, second_mesh([](Writer& w) {
+             add_all<std::uint8_t>(w, "mesh/1/diffuse", {2, 4}, 1);
+             add_zeros(w, "mesh/1/diffuse_range", {4, 2});
+         })},
+        {222, second_mesh([](Writer& w) {
+             add_all<std::uint16_t>(w, "mesh/1/diffuse", {2, 4}, 1);
+             add_ones(w, "mesh/1/diffuse_range", {4, 3});
+         })},
+        {222, second_mesh([](Writer& w) {
+             add_all<std::uint16_t>(w, "mesh/1/diffuse", {2, 4}, 1);
+             add_ones(w, "mesh/1/diffuse_range", {4, 3, 2});
+         })},
+        {222, second_mesh([](Writer& w) {
+             add_all<std::uint16_t>(w, "mesh/1/diffuse", {2, 4}, 1);
+             add_ones(w, "mesh/1/diffuse_range", {9, 2});
+         })},
+        {223, clustered([](Clustered& c) { c.with_basis = false; })},
+        {223, clustered([](Clustered& c) { c.with_cluster = false; })},
+        {223, clustered([](Clustered& c) { c.with_weights = false; })},
+        {223, clustered([](Clustered& c) { c.with_rows = true; })},
+        {224, second_mesh([](Writer& w) {
+             Clustered{.with_weights = false}(w);
+             add_ones(w, "mesh/1/diffuse_weights", {2, 1});
+         })},
+        {224, second_mesh([](Writer& w) {
+             Clustered{.with_cluster = false}(w);
+             add_ones(w, "mesh/1/diffuse_cluster", {2});
+         })},
+        {224, second_mesh([](Writer& w) {
+             Clustered{.with_basis = false}(w);
+             add_zeros(w, "mesh/diffuse_basis", {3, 2, 4});
+         })},
+        {225, clustered([](Clustered& c) {
+             c.weights = {2, 2};
+         })},
+        {225, clustered([](Clustered& c) { c.weights = {2}; })},
+        {225, clustered([](Clustered& c) {
+             c.cluster = {2, 1};
+         })},
+        {225, clustered([](Clustered& c) {
+             c.basis = {3, 2, 5};
+         })},
+        {225, clustered([](Clustered& c) {
+             c.basis = {3, 1, 4};
+         })},
+        {225, clustered([](Clustered& c) {
+             c.basis = {65537, 2, 1};
+         })},
+        {142, clustered([](Clustered& c) { c.cluster = {3}; })},
+        {226, clustered([](Clustered& c) { c.number = 3; })},
         {34, [](Content& c) { c.with_metadata = false; }},
         {100, [](Content& c) { c.metadata = "[1"; }},
         {100, [](Content& c) { c.metadata = "{\"a\":" + std::string(100000, '['); }},
@@ -706,6 +795,24 @@ TEST_F(Validate, TheDocumentsTextNamesItsRulesRightly) {
         ++count;
     }
     EXPECT_GT(count, 30u);
+}
+
+TEST_F(Validate, EveryEncodingOfTransportIsGood) {
+    Content content;
+    content.replace("\"vertex_count\":2}]", R"("vertex_count":2},
+                    {"node":1,"mesh":1,"primitive":0,"vertex_count":2},
+                    {"node":1,"mesh":2,"primitive":0,"vertex_count":3},
+                    {"node":1,"mesh":3,"primitive":0,"vertex_count":3},
+                    {"node":1,"mesh":4,"primitive":0,"vertex_count":3}])");
+    content.also = [](Writer& w) {
+        Clustered{}(w);
+        add_all<std::uint8_t>(w, "mesh/2/diffuse", {3, 4}, 1);
+        add_ones(w, "mesh/2/diffuse_range", {4, 2});
+        add_all<std::uint16_t>(w, "mesh/3/diffuse", {3, 4, 3}, 1);
+        add_ones(w, "mesh/3/diffuse_range", {4, 3, 2});
+        EXPECT_TRUE(w.add<format::Half>("mesh/4/diffuse", {3, 4}, std::vector<format::Half>(12)));
+    };
+    EXPECT_EQ(codes(content), Codes{});
 }
 
 TEST_F(Validate, TheSelfTestsToleranceMayBeItsLargest) {

@@ -24,6 +24,7 @@ using Vec3 = std::array<float, 3>;
 using Rgb = std::array<float, 3>;
 
 inline constexpr int kMaxMipLevels = 16;
+inline constexpr int kMaxClusterWeights = 32;
 
 /// Elements of f32 or f16 where they lie: in the file, or in the bundle's decoded block.
 struct FloatView {
@@ -82,13 +83,35 @@ struct BrdfTableView {
     FloatView average_albedo;  ///< [rows]: 2 integral of (A + B) n.v d(n.v); count 0: none
 };
 
-/// "mesh/I/diffuse": a row of bands^2 numbers a vertex, times channels where light bounces; and
-/// "mesh/I/emitted".
+/// How transport is stored; T is a row of bands^2 * channels numbers a vertex.
+enum class TransportEncoding {
+    Float,     ///< f32 or f16
+    Unorm16,   ///< T_i = low_i + step_i q_i, q_i of 16 bits
+    Unorm8,    ///< ... of 8 bits
+    Clustered  ///< T = basis_c0 + sum_k q_k basis_ck, q_k of 8 bits, c the vertex' cluster
+};
+
+/// "mesh/diffuse_basis": what the clustered transport of all meshes is made of.
+struct ClusterBasisView {
+    std::uint32_t cluster_count = 0;  ///< 0: the bundle has none
+    int weight_count = 0;             ///< n
+    int bands = 0;
+    int channels = 1;
+    FloatView rows;  ///< [cluster_count, 1 + weight_count, bands^2 * channels]
+};
+
+/// "mesh/I/diffuse" or "mesh/I/diffuse_weights": transport of each vertex; and "mesh/I/emitted".
 struct TransportView {
     std::uint64_t vertex_count = 0;
     int bands = 0;     ///< 1 .. 10; 0: this mesh has none
     int channels = 1;  ///< 1: the same for red, green, blue; 3: [bands^2, 3] a vertex
-    FloatView values;
+    TransportEncoding encoding = TransportEncoding::Float;
+    FloatView values;                ///< Float: [vertex_count, bands^2, channels]
+    const void* codes = nullptr;     ///< q: [vertex_count, bands^2, channels], or [vertex_count, n]
+    const float* range = nullptr;    ///< Unorm: low and step, [bands^2, channels, 2]
+    const void* clusters = nullptr;  ///< Clustered: c of each vertex, of 8 or 16 bits
+    bool clusters_are_16_bit = false;
+    ClusterBasisView basis;  ///< Clustered: the bundle's
     FloatView
         emitted;  ///< [vertex_count, 3]: what shining surfaces send, W sr^-1 m^-2; count 0: none
 };
@@ -193,6 +216,8 @@ class Bundle {
     std::span<const Mesh> meshes() const noexcept { return meshes_; }
 
     const WaveletLightingView& wavelet_lighting() const noexcept { return wavelet_lighting_; }
+    /// Of all meshes whose transport is clustered; empty where none is.
+    const ClusterBasisView& cluster_basis() const noexcept { return cluster_basis_; }
 
     /// An array in place; for those that shade.h does not use.
     ///
@@ -233,6 +258,13 @@ class Bundle {
     format::Expected<void> resolve_meshes(Arena& arena) noexcept;
     format::Expected<void> resolve_wavelet_lighting(Arena& arena) noexcept;
     format::Expected<void> resolve_wavelet(std::uint64_t mesh_index, Mesh& mesh) const noexcept;
+    format::Expected<void> resolve_cluster_basis(Arena& arena) noexcept;
+    format::Expected<void> resolve_transport(std::uint64_t index, TransportView& transport,
+                                             Arena& arena) noexcept;
+    format::Expected<void> resolve_clustered(std::uint64_t index, const format::ArrayInfo& weights,
+                                             TransportView& transport, Arena& arena) noexcept;
+    format::Expected<const void*> place_bytes(const format::ArrayInfo& info,
+                                              Arena& arena) const noexcept;
     format::Expected<FloatView> place(const format::ArrayInfo& info, Arena& arena) const noexcept;
     format::Error metadata_error() const noexcept;
 
@@ -242,6 +274,7 @@ class Bundle {
     std::span<const DominantLight> lights_;
     bool lights_extracted_ = false;
     Lobe ggx_, beckmann_;
+    ClusterBasisView cluster_basis_;
     std::span<const Mesh> meshes_;
     WaveletLightingView wavelet_lighting_;
     float wavelet_step_ = 0;

@@ -30,9 +30,11 @@ namespace envbake::runtime {
 ///   row   [bands^2] of one vertex's transport
 [[nodiscard]] Rgb diffuse_exit(std::span<const float> row, const ShLightingView& lighting) noexcept;
 
-/// The same for `out.size()` vertices from `first` on, of 1 or 3 transport channels, and with what
-/// they get from shining surfaces. Vertices past
-/// the end of the transport, and every vertex of a mesh without transport, get 0.
+/// The same for `out.size()` vertices from `first` on, of 1 or 3 transport channels, in every
+/// encoding, straight from what is stored, and with what they get from shining surfaces. Vertices
+/// past the end of the transport, and every vertex of a mesh without transport, get 0. Many
+/// vertices in one call cost less each: the light is prepared once a call, and where transport is
+/// clustered, projected again wherever the cluster changes from one vertex to the next.
 void diffuse_exit(const TransportView& transport, const ShLightingView& lighting,
                   std::uint64_t first, std::span<Rgb> out) noexcept;
 
@@ -47,6 +49,17 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
 /// What does not fit the format counts as 0. O(terms * log(coefficients)) a block of 256 vertices,
 /// and the transport of the terms. Source: [Ng03].
 void diffuse_exit(const WaveletTransportView& transport, std::span<const wavelet::Term> terms,
+                  std::uint64_t first, std::span<Rgb> out) noexcept;
+
+/// What every basis row of the clusters sends under a light: [cluster_count, 1 + weight_count],
+/// once a light for all meshes. Does nothing where `out` has another size.
+void project_light(const ClusterBasisView& basis, const ShLightingView& lighting,
+                   std::span<Rgb> out) noexcept;
+
+/// diffuse_exit() of clustered transport by the result of project_light(): n multiply-adds a vertex
+/// and channel, whatever the number of bands. 0 where transport is not clustered, or `projected`
+/// has another size.
+void diffuse_exit(const TransportView& transport, std::span<const Rgb> projected,
                   std::uint64_t first, std::span<Rgb> out) noexcept;
 
 /// Prefiltered radiance seen along `direction` (any length but 0) by a lobe of a roughness. For
