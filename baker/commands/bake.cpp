@@ -6,6 +6,7 @@
 #include "baker/core/parallel.h"
 #include "baker/core/text.h"
 #include "baker/core/write_file.h"
+#include "baker/pipeline/depfile.h"
 
 #include <filesystem>
 #include <memory>
@@ -18,6 +19,7 @@ namespace {
 
 struct BakeOptions {
     BakeRequest request;
+    std::filesystem::path depfile;  ///< empty: none
     bool force = false;
     bool quiet = false;
     bool verbose = false;
@@ -38,11 +40,39 @@ void print_notes(const BakeInputs& inputs, std::ostream& err) {
             err << "envbake: " << printable(concat(inputs.scene->file_name, ": ", note)) << '\n';
 }
 
+std::vector<std::filesystem::path> files_read(const BakeInputs& inputs,
+                                              const BakeRequest& request) {
+    std::vector<std::filesystem::path> files;
+    if (inputs.scene) files = inputs.scene->files_read;
+    if (inputs.environment) files.push_back(request.environment);
+    return files;
+}
+
+/// What --depfile is going to hold, settled before anything is baked.
+Expected<std::string> depfile_content(const BakeOptions& options,
+                                      const std::vector<std::filesystem::path>& files) {
+    if (options.depfile.empty()) return std::string();
+    ENVBAKE_TRY_VOID(check_output(options.depfile, files));
+    std::error_code ignored;
+    if (std::filesystem::weakly_canonical(options.depfile, ignored) ==
+        std::filesystem::weakly_canonical(options.request.output, ignored))
+        return Error{Errc::Usage, concat(options.depfile.string(), ": is the output already")};
+    return depfile_text(options.request.output, files);
+}
+
+Expected<void> write_depfile(const BakeOptions& options, std::string_view content) {
+    if (options.depfile.empty()) return {};
+    return write_file(options.depfile, content);
+}
+
 Expected<void> bake(const BakeOptions& options, std::ostream& err) {
     const BakeRequest& request = options.request;
-    if (!options.force && is_up_to_date(request)) {
-        if (!options.quiet) err << "envbake: " << request.output.string() << " is up to date\n";
-        return {};
+    if (!options.force) {
+        if (const auto files = files_if_up_to_date(request)) {
+            if (!options.quiet) err << "envbake: " << request.output.string() << " is up to date\n";
+            ENVBAKE_TRY(const std::string depfile, depfile_content(options, *files));
+            return write_depfile(options, depfile);
+        }
     }
     const ThreadLimit limit(options.threads);
     Progress progress;
@@ -51,6 +81,7 @@ Expected<void> bake(const BakeOptions& options, std::ostream& err) {
     ENVBAKE_TRY_VOID(check_output(request.output, {request.scene, request.environment}));
     ENVBAKE_TRY(const BakeInputs inputs, load_inputs(request));
     if (inputs.scene) ENVBAKE_TRY_VOID(check_output(request.output, inputs.scene->files_read));
+    ENVBAKE_TRY(const std::string depfile, depfile_content(options, files_read(inputs, request)));
     ENVBAKE_TRY(const BakePlan plan, make_plan(request, inputs.facts));
     ENVBAKE_TRY(const auto shortfalls, run_plan(request, inputs, plan, progress));
     printer.reset();
@@ -59,6 +90,7 @@ Expected<void> bake(const BakeOptions& options, std::ostream& err) {
         for (const std::string& line : shortfalls)
             err << "envbake: " << printable(request.output.string()) << ": " << line << '\n';
     }
+    ENVBAKE_TRY_VOID(write_depfile(options, depfile));
     if (options.verbose)
         for (const PlannedStage& stage : plan.stages)
             err << "envbake: " << (stage.job ? "baked " : "skipped ") << stage.output << ": "
@@ -72,6 +104,8 @@ RunCommand declare_bake(CLI::App& app) {
     const auto options = std::make_shared<BakeOptions>();
     declare_request(app, options->request);
     app.add_option("-o,--output", options->request.output, "Bundle to write (.envb)")->required();
+    app.add_option("--depfile", options->depfile,
+                   "Also write which files the bundle depends on, for make, ninja or CMake");
     app.add_flag("--force", options->force, "Bake even if the bundle is up to date");
     app.add_option("--threads", options->threads, "Threads; 0 uses every core")
         ->capture_default_str()
