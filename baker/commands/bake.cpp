@@ -3,10 +3,13 @@
 #include "baker/commands/command.h"
 #include "baker/commands/progress_printer.h"
 #include "baker/commands/request_options.h"
+#include "baker/core/interrupt.h"
 #include "baker/core/parallel.h"
 #include "baker/core/text.h"
 #include "baker/core/write_file.h"
 #include "baker/pipeline/depfile.h"
+
+#include "envbake/format/writer.h"
 
 #include <filesystem>
 #include <memory>
@@ -74,6 +77,10 @@ Expected<void> bake(const BakeOptions& options, std::ostream& err) {
             return write_depfile(options, depfile);
         }
     }
+    std::vector<std::filesystem::path> temporaries{
+        format::Writer::temporary_name(request.output.string())};
+    if (!options.depfile.empty()) temporaries.push_back(temporary_of(options.depfile));
+    end_when_interrupted(temporaries);
     const ThreadLimit limit(options.threads);
     Progress progress;
     std::optional<ProgressPrinter> printer;

@@ -6,10 +6,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include <chrono>
 #include <cstdlib>
 #include <set>
-#include <thread>
 
 namespace envbake::test {
 namespace {
@@ -263,29 +261,6 @@ TEST_F(Commands, AFailedBakeLeavesTheOldFile) {
     EXPECT_EQ(outcome.err_lines(), 1) << outcome.err;
     EXPECT_NE(outcome.err.find("sky.hdr"), std::string::npos);
     EXPECT_TRUE(read_file(bundle_) == before);
-}
-
-TEST_F(Commands, AKilledBakeLeavesTheOldFileAndNothingElse) {
-    bake();
-    const std::string before = read_file(bundle_);
-    const auto count = [&] {
-        return std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator());
-    };
-    const auto files = count();
-    int killed = 0;
-    for (int delay_ms = 1; delay_ms < 60; delay_ms += 4) {
-        Program program("envbake", bake_arguments({"--force", "--rays", "4096", "--quiet"}));
-        std::this_thread::sleep_for(std::chrono::milliseconds(delay_ms));
-        program.kill();
-        killed += program.wait().status == 128 + SIGKILL ? 1 : 0;
-        const std::string after = read_file(bundle_);
-        if (after != before) {
-            EXPECT_EQ(envbake({"validate", bundle_}).status, 0)
-                << "half a file after " << delay_ms << " ms";
-        }
-        EXPECT_EQ(count(), files) << "something was left behind after " << delay_ms << " ms";
-    }
-    EXPECT_GT(killed, 0) << "every bake was faster than its killer";
 }
 
 TEST_F(Commands, AnOutputIsNeverAnInputOrADevice) {
