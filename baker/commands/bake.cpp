@@ -25,6 +25,7 @@ struct BakeOptions {
     std::filesystem::path depfile;  ///< empty: none
     bool force = false;
     bool quiet = false;
+    ProgressStyle progress = ProgressStyle::Text;
     bool verbose = false;
     int threads = 0;
 };
@@ -84,7 +85,7 @@ Expected<void> bake(const BakeOptions& options, std::ostream& err) {
     const ThreadLimit limit(options.threads);
     Progress progress;
     std::optional<ProgressPrinter> printer;
-    if (!options.quiet) printer.emplace(progress, err);
+    if (!options.quiet) printer.emplace(progress, err, options.progress);
     ENVBAKE_TRY_VOID(check_output(request.output, {request.scene, request.environment}));
     ENVBAKE_TRY(const BakeInputs inputs, load_inputs(request));
     if (inputs.scene) ENVBAKE_TRY_VOID(check_output(request.output, inputs.scene->files_read));
@@ -118,6 +119,14 @@ RunCommand declare_bake(CLI::App& app) {
         ->capture_default_str()
         ->check(CLI::Range(0, 4096));
     app.add_flag("-q,--quiet", options->quiet, "Print nothing but errors");
+    app.add_option_function<std::string>(
+           "--progress",
+           [options](const std::string& style) {
+               options->progress = style == "json" ? ProgressStyle::Json : ProgressStyle::Text;
+           },
+           "How progress is said on stderr: text, or json, one object a line")
+        ->check(CLI::IsMember({"text", "json"}))
+        ->default_str("text");
     app.add_flag("-v,--verbose", options->verbose, "Say what each stage was baked or skipped for");
     app.footer(
         "Example:\n"

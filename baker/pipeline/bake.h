@@ -10,6 +10,7 @@
 #include "baker/pipeline/file_hash.h"
 #include "baker/plan/plan.h"
 
+#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -31,6 +32,8 @@ struct BakeInputs {
     std::optional<Scene> scene;
     std::vector<InputFile> files;
     BakeFacts facts;
+    std::chrono::steady_clock::time_point begun =
+        std::chrono::steady_clock::now();  ///< reading them; BakeRequest::time_budget counts on
 };
 
 /// Reads the request's files and collects the facts the plan needs. No ray is cast.

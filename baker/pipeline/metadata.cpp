@@ -257,6 +257,7 @@ Json options_json(const BakeRequest& r) {
             {"unshadowed", r.unshadowed},
             {"bounces", r.bounces == kAllBounces ? Json("all") : Json(r.bounces)},
             {"rays", r.rays_per_vertex},
+            {"time_budget", r.time_budget},
             {"seed", r.seed},
             {"strict", r.strict},
             {"normals", r.area_weighted_normals ? "area" : "angle"},

@@ -56,6 +56,7 @@ struct BakeRequest {
     int glossy_bands = 5;                      ///< of exit radiance, 1 .. 5
     bool unshadowed = false;                   ///< also bake "mesh/I/unshadowed"
     int rays_per_vertex = 0;                   ///< 0: as many as the tolerance needs
+    double time_budget = 0;                    ///< of the whole bake, wall seconds; 0: none
     std::uint64_t seed = 0;
     std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once
     bool strict = false;                                ///< refuse what would be repaired
