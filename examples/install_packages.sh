@@ -6,7 +6,7 @@
 set -euo pipefail
 
 packages=(
-    cmake g++ git ninja-build pkg-config
+    cmake dpkg-dev g++ git make ninja-build pkg-config
     libopenimageio-dev libopenexr-dev libembree-dev libtbb-dev libglm-dev libtinygltf-dev
     libdraco-dev libmeshoptimizer-dev libcli11-dev nlohmann-json3-dev libzstd-dev libxxhash-dev
     libgtest-dev libbenchmark-dev python3-numpy

@@ -3,9 +3,13 @@
 #include "baker/commands/command.h"
 #include "baker/commands/progress_printer.h"
 #include "baker/commands/request_options.h"
+#include "baker/core/interrupt.h"
 #include "baker/core/parallel.h"
 #include "baker/core/text.h"
 #include "baker/core/write_file.h"
+#include "baker/pipeline/depfile.h"
+
+#include "envbake/format/writer.h"
 
 #include <filesystem>
 #include <memory>
@@ -18,8 +22,10 @@ namespace {
 
 struct BakeOptions {
     BakeRequest request;
+    std::filesystem::path depfile;  ///< empty: none
     bool force = false;
     bool quiet = false;
+    ProgressStyle progress = ProgressStyle::Text;
     bool verbose = false;
     int threads = 0;
 };
@@ -38,19 +44,52 @@ void print_notes(const BakeInputs& inputs, std::ostream& err) {
             err << "envbake: " << printable(concat(inputs.scene->file_name, ": ", note)) << '\n';
 }
 
+std::vector<std::filesystem::path> files_read(const BakeInputs& inputs,
+                                              const BakeRequest& request) {
+    std::vector<std::filesystem::path> files;
+    if (inputs.scene) files = inputs.scene->files_read;
+    if (inputs.environment) files.push_back(request.environment);
+    return files;
+}
+
+/// What --depfile is going to hold, settled before anything is baked.
+Expected<std::string> depfile_content(const BakeOptions& options,
+                                      const std::vector<std::filesystem::path>& files) {
+    if (options.depfile.empty()) return std::string();
+    ENVBAKE_TRY_VOID(check_output(options.depfile, files));
+    std::error_code ignored;
+    if (std::filesystem::weakly_canonical(options.depfile, ignored) ==
+        std::filesystem::weakly_canonical(options.request.output, ignored))
+        return Error{Errc::Usage, concat(options.depfile.string(), ": is the output already")};
+    return depfile_text(options.request.output, files);
+}
+
+Expected<void> write_depfile(const BakeOptions& options, std::string_view content) {
+    if (options.depfile.empty()) return {};
+    return write_file(options.depfile, content);
+}
+
 Expected<void> bake(const BakeOptions& options, std::ostream& err) {
     const BakeRequest& request = options.request;
-    if (!options.force && is_up_to_date(request)) {
-        if (!options.quiet) err << "envbake: " << request.output.string() << " is up to date\n";
-        return {};
+    if (!options.force) {
+        if (const auto files = files_if_up_to_date(request)) {
+            if (!options.quiet) err << "envbake: " << request.output.string() << " is up to date\n";
+            ENVBAKE_TRY(const std::string depfile, depfile_content(options, *files));
+            return write_depfile(options, depfile);
+        }
     }
+    std::vector<std::filesystem::path> temporaries{
+        format::Writer::temporary_name(request.output.string())};
+    if (!options.depfile.empty()) temporaries.push_back(temporary_of(options.depfile));
+    end_when_interrupted(temporaries);
     const ThreadLimit limit(options.threads);
     Progress progress;
     std::optional<ProgressPrinter> printer;
-    if (!options.quiet) printer.emplace(progress, err);
+    if (!options.quiet) printer.emplace(progress, err, options.progress);
     ENVBAKE_TRY_VOID(check_output(request.output, {request.scene, request.environment}));
     ENVBAKE_TRY(const BakeInputs inputs, load_inputs(request));
     if (inputs.scene) ENVBAKE_TRY_VOID(check_output(request.output, inputs.scene->files_read));
+    ENVBAKE_TRY(const std::string depfile, depfile_content(options, files_read(inputs, request)));
     ENVBAKE_TRY(const BakePlan plan, make_plan(request, inputs.facts));
     ENVBAKE_TRY(const auto shortfalls, run_plan(request, inputs, plan, progress));
     printer.reset();
@@ -59,6 +98,7 @@ Expected<void> bake(const BakeOptions& options, std::ostream& err) {
         for (const std::string& line : shortfalls)
             err << "envbake: " << printable(request.output.string()) << ": " << line << '\n';
     }
+    ENVBAKE_TRY_VOID(write_depfile(options, depfile));
     if (options.verbose)
         for (const PlannedStage& stage : plan.stages)
             err << "envbake: " << (stage.job ? "baked " : "skipped ") << stage.output << ": "
@@ -72,11 +112,21 @@ RunCommand declare_bake(CLI::App& app) {
     const auto options = std::make_shared<BakeOptions>();
     declare_request(app, options->request);
     app.add_option("-o,--output", options->request.output, "Bundle to write (.envb)")->required();
+    app.add_option("--depfile", options->depfile,
+                   "Also write which files the bundle depends on, for make, ninja or CMake");
     app.add_flag("--force", options->force, "Bake even if the bundle is up to date");
     app.add_option("--threads", options->threads, "Threads; 0 uses every core")
         ->capture_default_str()
         ->check(CLI::Range(0, 4096));
     app.add_flag("-q,--quiet", options->quiet, "Print nothing but errors");
+    app.add_option_function<std::string>(
+           "--progress",
+           [options](const std::string& style) {
+               options->progress = style == "json" ? ProgressStyle::Json : ProgressStyle::Text;
+           },
+           "How progress is said on stderr: text, or json, one object a line")
+        ->check(CLI::IsMember({"text", "json"}))
+        ->default_str("text");
     app.add_flag("-v,--verbose", options->verbose, "Say what each stage was baked or skipped for");
     app.footer(
         "Example:\n"

@@ -3,6 +3,7 @@
 #include "baker/core/text.h"
 #include "baker/pipeline/metadata.h"
 
+#include <csignal>
 #include <exception>
 #include <iostream>
 #include <map>
@@ -38,7 +39,7 @@ constexpr const char* kDescription =
 
 constexpr const char* kFooter =
     "Exit status: 0 done, 1 the work failed, 2 wrong usage, 3 an input is invalid,\n"
-    "4 a bundle is invalid or differs.";
+    "4 a bundle is invalid or differs, 130 interrupted (Ctrl-C).";
 
 /// Runs a command; what nobody foresaw still ends in one line. Output that did not reach its
 /// destination is a failure.
@@ -75,6 +76,8 @@ ExitCode report(const Error& error, std::ostream& err) {
 
 int main(int argc, char** argv) {
     using namespace envbake;
+    // A file that grows beyond its limit (ulimit -f) is then an error of write(), with a message.
+    std::signal(SIGXFSZ, SIG_IGN);
     CLI::App app{kDescription, "envbake"};
     app.footer(kFooter);
     app.require_subcommand(1);

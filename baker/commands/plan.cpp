@@ -66,7 +66,8 @@ RunCommand declare_plan(CLI::App& app) {
                    "Bundle that would be written; if it is up to date, its own plan is printed");
     app.add_flag("--json", options->json, "Machine-readable output");
     return [options](std::ostream& out, std::ostream& err) {
-        const bool stored = !options->request.output.empty() && is_up_to_date(options->request);
+        const bool stored =
+            !options->request.output.empty() && files_if_up_to_date(options->request);
         const auto done = stored ? print_stored_plan(*options, out) : print_new_plan(*options, out);
         return done ? ExitCode::Done : report(done.error(), err);
     };

@@ -6,6 +6,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
@@ -28,7 +29,8 @@ std::string time_left(double seconds) {
 }  // namespace
 
 struct ProgressPrinter::State {
-    State(const Progress& p, std::ostream& e) : progress(p), err(e) {
+    State(const Progress& p, std::ostream& e, ProgressStyle s)
+        : progress(p), err(e), json(s == ProgressStyle::Json) {
         thread = std::thread([this] { watch(); });
     }
     ~State() {
@@ -38,31 +40,44 @@ struct ProgressPrinter::State {
         }
         wake.notify_all();
         thread.join();
+        if (json) print();
         if (terminal && printed) err << "\r\x1b[K" << std::flush;
     }
 
     void watch() {
         std::unique_lock lock(mutex);
-        const auto interval = terminal ? std::chrono::milliseconds(250) : std::chrono::seconds(10);
+        const auto interval = json       ? std::chrono::milliseconds(500)
+                              : terminal ? std::chrono::milliseconds(250)
+                                         : std::chrono::seconds(10);
         while (!wake.wait_for(lock, interval, [this] { return stop; })) print();
     }
 
     void print() {
         const char* what = progress.what();
         const std::uint64_t total = progress.total(), done = progress.done();
-        if (what != last_what) {
-            last_what = what;
-            begun = Clock::now();
-        }
         if (total == 0) return;
-        const double seconds = std::chrono::duration<double>(Clock::now() - begun).count();
+        const double seconds =
+            std::chrono::duration<double>(Clock::now() - progress.begun()).count();
         const double rate = seconds > 0 ? static_cast<double>(done) / seconds : 0;
+        if (json) {
+            err << "{\"stage\":\"" << what << "\",\"done\":" << done << ",\"total\":" << total
+                << ",\"unit\":\"" << progress.unit() << "\",\"rays\":" << progress.rays()
+                << ",\"seconds\":" << seconds << ",\"seconds_left\":";
+            if (rate > 0)
+                err << static_cast<double>(total - std::min(done, total)) / rate;
+            else
+                err << "null";
+            err << '}' << std::endl;
+            return;
+        }
         const double fraction = static_cast<double>(done) / static_cast<double>(total);
         const std::string left =
             rate > 0 ? time_left(static_cast<double>(total - done) / rate) : "";
+        const std::string rays =
+            progress.rays() > 0 ? concat(", ", format_count(progress.rays()), " rays") : "";
         const std::string line =
             concat(what, ": ", static_cast<int>(100 * fraction), " %, ", format_count(done), " of ",
-                   format_count(total), " ", progress.unit(), left);
+                   format_count(total), " ", progress.unit(), rays, left);
         if (terminal) {
             constexpr int kBarSize = 24;
             std::string bar(static_cast<std::size_t>(fraction * kBarSize), '#');
@@ -76,18 +91,17 @@ struct ProgressPrinter::State {
 
     const Progress& progress;
     std::ostream& err;
-    const bool terminal = ::isatty(STDERR_FILENO) == 1;
+    const bool json;
+    const bool terminal = !json && ::isatty(STDERR_FILENO) == 1;
     bool printed = false;
     bool stop = false;
-    const char* last_what = nullptr;
-    Clock::time_point begun = Clock::now();
     std::mutex mutex;
     std::condition_variable wake;
     std::thread thread;
 };
 
-ProgressPrinter::ProgressPrinter(const Progress& progress, std::ostream& err)
-    : state_(std::make_unique<State>(progress, err)) {}
+ProgressPrinter::ProgressPrinter(const Progress& progress, std::ostream& err, ProgressStyle style)
+    : state_(std::make_unique<State>(progress, err, style)) {}
 ProgressPrinter::~ProgressPrinter() = default;
 
 }  // namespace envbake

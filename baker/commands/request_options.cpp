@@ -143,9 +143,15 @@ void declare_request(CLI::App& app, BakeRequest& request) {
                  "Refuse environments with NaN, infinite or negative texels");
     app.add_flag("--compress", request.compress, "Store mips and transport compressed with zstd");
 
+    auto* const time_budget = app.add_option(
+        "--time-budget", request.time_budget,
+        "Wall seconds for the bake: transport gets fewer rays than the tolerance needs; 0: none");
+    time_budget->capture_default_str()->check(CLI::Range(0.0, 1e9))->excludes("--bounces");
+
     app.add_option("--rays", request.rays_per_vertex,
                    "Expert: rays per vertex; 0 lets the tolerance decide")
         ->capture_default_str()
+        ->excludes(time_budget)
         ->group("Expert options");
     app.add_option("--memory", request.memory_bytes,
                    "Memory for transport beside the scene and its tree: bytes, or 64MB, 1GB")

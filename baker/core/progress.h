@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 
 namespace envbake {
@@ -12,22 +13,31 @@ class Progress {
   public:
     /// A new piece of work of `total` units ("vertices", "texels") begins.
     void begin(const char* what, const char* unit, std::uint64_t total) {
+        begun_.store(std::chrono::steady_clock::now());
         done_.store(0);
+        rays_.store(0);
         total_.store(total);
         unit_.store(unit);
         what_.store(what);
     }
-    void add(std::uint64_t units) { done_.fetch_add(units, std::memory_order_relaxed); }
+    void add(std::uint64_t units, std::uint64_t rays = 0) {
+        done_.fetch_add(units, std::memory_order_relaxed);
+        rays_.fetch_add(rays, std::memory_order_relaxed);
+    }
 
     const char* what() const { return what_.load(); }
     const char* unit() const { return unit_.load(); }
     std::uint64_t done() const { return done_.load(std::memory_order_relaxed); }
+    std::chrono::steady_clock::time_point begun() const { return begun_.load(); }
+    std::uint64_t rays() const { return rays_.load(std::memory_order_relaxed); }
     std::uint64_t total() const { return total_.load(); }
 
   private:
     std::atomic<const char*> what_{""};
     std::atomic<const char*> unit_{""};
+    std::atomic<std::chrono::steady_clock::time_point> begun_{};
     std::atomic<std::uint64_t> done_{0};
+    std::atomic<std::uint64_t> rays_{0};  ///< traced for what is done
     std::atomic<std::uint64_t> total_{0};
 };
 

@@ -22,9 +22,14 @@ Expected<void> check_output(const std::filesystem::path& output,
     return {};
 }
 
-Expected<void> write_file(const std::filesystem::path& file, std::string_view content) {
+std::filesystem::path temporary_of(const std::filesystem::path& file) {
     std::filesystem::path temporary = file;
     temporary += concat(".", ::getpid(), ".tmp");
+    return temporary;
+}
+
+Expected<void> write_file(const std::filesystem::path& file, std::string_view content) {
+    const std::filesystem::path temporary = temporary_of(file);
     std::ofstream out(temporary, std::ios::binary);
     out.write(content.data(), static_cast<std::streamsize>(content.size()));
     out.close();

@@ -16,6 +16,9 @@ namespace envbake {
 Expected<void> check_output(const std::filesystem::path& output,
                             const std::vector<std::filesystem::path>& inputs);
 
+/// The name that write_file() of this process writes to first.
+std::filesystem::path temporary_of(const std::filesystem::path& file);
+
 /// Writes a file whole or not at all: to a temporary name beside it, then renamed.
 ///
 /// Errors:  Failed  the folder cannot be written to, the disk is full

@@ -10,6 +10,8 @@
 #include "baker/pipeline/file_hash.h"
 #include "baker/plan/plan.h"
 
+#include <chrono>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,6 +32,8 @@ struct BakeInputs {
     std::optional<Scene> scene;
     std::vector<InputFile> files;
     BakeFacts facts;
+    std::chrono::steady_clock::time_point begun =
+        std::chrono::steady_clock::now();  ///< reading them; BakeRequest::time_budget counts on
 };
 
 /// Reads the request's files and collects the facts the plan needs. No ray is cast.
@@ -44,8 +48,9 @@ Expected<BakeInputs> load_inputs(const BakeRequest& request);
 Expected<std::vector<std::string>> run_plan(const BakeRequest& request, const BakeInputs& inputs,
                                             const BakePlan& plan, Progress& progress);
 
-/// True where request.output is an undamaged bundle that the same tool made from the same inputs
-/// and options. Reads and hashes files; opens no image and no scene.
-bool is_up_to_date(const BakeRequest& request);
+/// The files that request.output was baked from, where it is an undamaged bundle that the same tool
+/// made from the same inputs and options; else nothing. Reads and hashes files; opens no image and
+/// no scene.
+std::optional<std::vector<std::filesystem::path>> files_if_up_to_date(const BakeRequest& request);
 
 }  // namespace envbake

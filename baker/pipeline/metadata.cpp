@@ -303,6 +303,7 @@ Json options_json(const BakeRequest& r) {
             {"wavelet", wavelet_option(r)},
             {"encoding", encoding_name(r.encoding)},
             {"rays", r.rays_per_vertex},
+            {"time_budget", r.time_budget},
             {"seed", r.seed},
             {"strict", r.strict},
             {"normals", r.area_weighted_normals ? "area" : "angle"},

@@ -12,6 +12,7 @@
 #include "envbake/runtime/half.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <iterator>
 #include <new>
@@ -293,9 +294,10 @@ class Run {
                 return output_error(appended.error());
             return {};
         };
-        ENVBAKE_TRY(const DiffuseReport rays,
-                    bake_diffuse(glossy.job, *inputs_.scene, glossy.mesh, *tracer_, sink, progress_,
-                                 glossy.bounces ? &blocked_[glossy.mesh] : nullptr));
+        ENVBAKE_TRY(
+            const DiffuseReport rays,
+            bake_diffuse(in_time(glossy.job, glossy.mesh), *inputs_.scene, glossy.mesh, *tracer_,
+                         sink, progress_, glossy.bounces ? &blocked_[glossy.mesh] : nullptr));
         if (auto ended = writer_.end(); !ended) return output_error(ended.error());
 
         const LobeErrors& lobe = glossy.errors;
@@ -369,8 +371,9 @@ class Run {
                 return output_error(appended.error());
             return {};
         };
-        ENVBAKE_TRY(DiffuseReport report, bake_diffuse(diffuse.job, *inputs_.scene, diffuse.mesh,
-                                                       *tracer_, sink, progress_));
+        ENVBAKE_TRY(DiffuseReport report,
+                    bake_diffuse(in_time(diffuse.job, diffuse.mesh), *inputs_.scene, diffuse.mesh,
+                                 *tracer_, sink, progress_));
         if (auto ended = writer_.end(); !ended) return output_error(ended.error());
         report_.array_errors[output] = {report.error_rms,
                                         "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
@@ -662,6 +665,20 @@ class Run {
         return {};
     }
 
+    /// The job with the mesh's part of the time that is left: by its share of the vertices that are
+    /// still to be traced.
+    DiffuseJob in_time(DiffuseJob job, std::size_t mesh) {
+        if (request_.time_budget <= 0 || !job.shadowed) return job;
+        constexpr double kForTheRest = 0.05;  // self-test, compression, the way to the disk
+        const std::chrono::duration<double> elapsed =
+            std::chrono::steady_clock::now() - inputs_.begun;
+        const double left = (1 - kForTheRest) * request_.time_budget - elapsed.count();
+        const auto vertices = static_cast<double>(inputs_.scene->meshes[mesh].vertex_count());
+        job.seconds = std::max(left * vertices / vertices_to_trace_, 1e-9);
+        vertices_to_trace_ -= vertices;
+        return job;
+    }
+
     /// One bar for the transport of all meshes, once the first of them begins.
     void announce_transport(const BakePlan& plan) {
         std::uint64_t total = 0;
@@ -669,9 +686,14 @@ class Run {
             if (stage.job) {
                 const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
                 const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job);
+                std::uint64_t vertices = 0;
                 if (diffuse != nullptr && !diffuse->from_glossy)
-                    total += inputs_.scene->meshes[diffuse->mesh].vertex_count();
-                if (glossy != nullptr) total += inputs_.scene->meshes[glossy->mesh].vertex_count();
+                    vertices = inputs_.scene->meshes[diffuse->mesh].vertex_count();
+                if (glossy != nullptr)
+                    vertices = inputs_.scene->meshes[glossy->mesh].vertex_count();
+                total += vertices;
+                if (glossy != nullptr || (diffuse != nullptr && diffuse->job.shadowed))
+                    vertices_to_trace_ += static_cast<double>(vertices);
             }
         progress_.begin("diffuse transport", "vertices", total);
     }
@@ -781,6 +803,7 @@ class Run {
     int bounce_channels_ = 1;
     std::optional<WaveletStage> wavelet_;
     std::vector<float> wavelet_weights_;
+    double vertices_to_trace_ = 0;
     BakeReport report_;
     StoredArrays stored_;
 };

@@ -29,33 +29,36 @@ bool has_input(const Json& inputs, const char* role) {
     return false;
 }
 
-bool inputs_unchanged(const BakeRequest& request, const Json& inputs) {
-    if (has_input(inputs, "scene") != !request.scene.empty()) return false;
-    if (has_input(inputs, "environment") != !request.environment.empty()) return false;
+/// The request's files, where each is there and holds what the bundle says.
+std::optional<std::vector<std::filesystem::path>> unchanged_files(const BakeRequest& request,
+                                                                  const Json& inputs) {
+    if (has_input(inputs, "scene") != !request.scene.empty()) return {};
+    if (has_input(inputs, "environment") != !request.environment.empty()) return {};
+    std::vector<std::filesystem::path> files;
     for (const Json& input : inputs) {
-        const auto path = path_of(request, input.at("role"), input.at("name"));
-        if (path.empty()) return false;
-        const auto hash = hash_file(path);
-        if (!hash) return false;
-        if (*hash != FileHash{input.at("bytes"), input.at("xxh3")}) return false;
+        files.push_back(path_of(request, input.at("role"), input.at("name")));
+        if (files.back().empty()) return {};
+        const auto hash = hash_file(files.back());
+        if (!hash || *hash != FileHash{input.at("bytes"), input.at("xxh3")}) return {};
     }
-    return true;
+    return files;
 }
 
 }  // namespace
 
-bool is_up_to_date(const BakeRequest& request) {
+std::optional<std::vector<std::filesystem::path>> files_if_up_to_date(const BakeRequest& request) {
     const auto reader = format::Reader::open(request.output.c_str());
-    if (!reader) return false;
+    if (!reader) return {};
     for (std::size_t i = 0; i < reader->array_count(); ++i)
-        if (!reader->verify(reader->array(i))) return false;  // damaged: bake it again
+        if (!reader->verify(reader->array(i))) return {};  // damaged: bake it again
     const Json metadata = parse_metadata(reader->metadata());
     try {
-        return metadata.at("tool").at("version") == tool_version() &&
-               metadata.at("options") == options_json(request) &&
-               inputs_unchanged(request, metadata.at("inputs"));
+        if (metadata.at("tool").at("version") != tool_version() ||
+            metadata.at("options") != options_json(request))
+            return {};
+        return unchanged_files(request, metadata.at("inputs"));
     } catch (const Json::exception&) {
-        return false;  // another tool's bundle: its metadata lacks what ours has
+        return {};  // another tool's bundle: its metadata lacks what ours has
     }
 }
 

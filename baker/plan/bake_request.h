@@ -76,6 +76,7 @@ struct BakeRequest {
     int wavelet_size = 64;  ///< texels along a face of the basis, wavelet::is_face_size
     Encoding encoding = Encoding::F32;
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
+    double time_budget = 0;   ///< of the whole bake, wall seconds; 0: none
     std::uint64_t seed = 0;
     std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once
     bool strict = false;                                ///< refuse what would be repaired

@@ -12,6 +12,7 @@
 #include "envbake/runtime/sh.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <unordered_map>
@@ -22,6 +23,8 @@ namespace envbake {
 namespace {
 
 using std::numbers::pi;
+
+using Clock = std::chrono::steady_clock;
 
 constexpr int kMaxRays = 1 << 18;
 constexpr std::size_t kBlock = 64;          ///< vertices of one call of a parallel loop
@@ -35,6 +38,8 @@ constexpr double kSolvedShareThatPays = 0.14;
 /// With fewer rays a pilot overlooks too much: 32 missed a quarter of the error, unseen by any
 /// estimate of it.
 constexpr int kFewestPilotRays = 48;
+/// Where time is short the first look is cheap, whatever the tolerance.
+constexpr int kFirstLookOfBudget = 256;
 
 /// Random streams: turns of the result, turns of the second bake that it is held against, choice of
 /// the vertices that are baked twice.
@@ -68,6 +73,7 @@ class DiffuseBake {
     void count_copies();
     void choose_rays();
     bool choose_sample();
+    int affordable_rays() const;
     std::vector<BakedTwice> bake_twice(const RaySet& set, std::span<const std::uint32_t> sample);
     double mean_square(const CrossingError& error, std::span<const BakedTwice> baked) const;
     bool is_open(const RayOrigin& origin) const;
@@ -88,6 +94,8 @@ class DiffuseBake {
     RaySet set_;
     CrossingError error_;
     DiffuseReport report_;
+    Clock::time_point begun_ = Clock::now();
+    double sample_seconds_ = 0;  ///< that the check rays took
 };
 
 /// Uniform in [0, 1).
@@ -148,6 +156,7 @@ std::vector<BakedTwice> DiffuseBake::bake_twice(const RaySet& set,
     std::vector<int> rays(sample.size());
     const double norm = unoccluded_norm(job_.bands);
     const auto coeffs = static_cast<std::size_t>(sh::coeff_count(job_.bands));
+    const auto begun = Clock::now();
     parallel_for(sample.size(), [&](std::size_t i) {
         const RayOrigin origin = points_.origin(sample[i], tracer_.space());
         std::vector<float> row(coeffs), other(coeffs);
@@ -164,8 +173,19 @@ std::vector<BakedTwice> DiffuseBake::bake_twice(const RaySet& set,
         baked[i] = {first.crossings, square / (norm * norm) / (alike ? 2 : 1)};
         rays[i] = first.rays + second.rays;
     });
+    sample_seconds_ += std::chrono::duration<double>(Clock::now() - begun).count();
     for (const int count : rays) report_.check_ray_count += static_cast<std::uint64_t>(count);
     return baked;
+}
+
+/// Rays a vertex that the time which is left has room for, at the speed of the sample.
+int DiffuseBake::affordable_rays() const {
+    if (job_.seconds <= 0) return kMaxRays;
+    const double left = job_.seconds - std::chrono::duration<double>(Clock::now() - begun_).count();
+    const double rays_per_second = static_cast<double>(report_.check_ray_count) / sample_seconds_;
+    const double places = static_cast<double>(report_.vertex_count - report_.unreferenced_count -
+                                              report_.merged_count);
+    return scaled_rays(rays_per_second, left / (places * traced_share_));
 }
 
 /// Expected mean square error of the whole mesh, by the crossings of the first of the sample.
@@ -183,13 +203,15 @@ double DiffuseBake::mean_square(const CrossingError& error,
 
 /// Fixes the ray set and what one crossing of its rays says of the error.
 void DiffuseBake::choose_rays() {
-    const int first_guess = expected_rays_per_vertex(job_);
+    int first_guess = expected_rays_per_vertex(job_);
     if (job_.rays_per_vertex > 0 || sample_.empty()) {
         set_ = make_ray_set(first_guess, job_.bands);
         error_ = fit_error(CrossingError::expected(set_.ray_count, false, job_.bands),
                            bake_twice(set_, sample_));
         return;
     }
+
+    if (job_.seconds > 0) first_guess = std::min(first_guess, kFirstLookOfBudget);
 
     // The aim is a little below the tolerance, for what the sample does not know of the mesh.
     constexpr double kAim = 0.97;
@@ -199,7 +221,8 @@ void DiffuseBake::choose_rays() {
             mean_square(error, baked) *
             standard_error_factor(samples, traced_share_ * static_cast<double>(points_.size()));
         const double aim = kAim * job_.tolerance;
-        return scaled_rays(set.ray_count, rays_for_variance(aim * aim / stated));
+        return std::min(scaled_rays(set.ray_count, rays_for_variance(aim * aim / stated)),
+                        affordable_rays());
     };
 
     // Few vertices tell about how many rays the mesh needs, and whether many are solved by a pilot.
@@ -290,13 +313,16 @@ Expected<DiffuseReport> DiffuseBake::run(
         parallel_for((size + kBlock - 1) / kBlock, [&](std::size_t block) {
             const std::size_t first = begin + block * kBlock;
             const std::size_t end = std::min(first + kBlock, begin + size);
+            std::uint64_t rays = 0;
             for (std::size_t v = first; v < end; ++v) {
-                if (points_.representative(v) == SurfacePoints::kNone)
+                if (points_.representative(v) == SurfacePoints::kNone) {
                     std::fill(row(v).begin(), row(v).end(), 0.0f);
-                else if (!is_copy(v) || is_repeated(v))
+                } else if (!is_copy(v) || is_repeated(v)) {
                     traced[v - begin] = bake_row(points_.representative(v), row(v));
+                    rays += static_cast<std::uint64_t>(traced[v - begin].rays);
+                }
             }
-            progress.add(end - first);
+            progress.add(end - first, rays);
         });
         for (std::size_t v = begin; v < begin + size; ++v) {
             const Traced& t = traced[v - begin];

@@ -21,6 +21,10 @@ struct DiffuseJob {
     bool shadowed = true;     ///< false: the analytic unoccluded answer, no rays
     double tolerance = 1e-2;  ///< rms over vertices of |T - T_true|_2 / |T_unoccluded|_2
     int rays_per_vertex = 0;  ///< 0: chosen from the tolerance
+    /// Wall time for this mesh, seconds; 0: as long as it takes. Where the rays that the tolerance
+    /// needs would take longer, by the speed that the sample shows, it is as many as fit, but no
+    /// fewer than the bands need for weights that are not negative. Not with rays_per_vertex.
+    double seconds = 0;
     std::uint64_t seed = 0;
     /// For rows: those baked at once, and those that copies further on wait for. A copy whose row
     /// found no room is traced again. Under 64 rows it counts as 64; the bits do not depend on it.
@@ -96,9 +100,9 @@ struct BlockedRays {
 /// Rows are handed to `sink` in vertex order, some at a time. Beside the budget a bake takes about
 /// 32 bytes a vertex of this mesh and 12 a triangle, for its welding.
 /// `progress` counts vertices; a scene has many meshes, so who bakes them all announces the total.
-/// Deterministic for any number of threads; vertices in another order are the same rows in that
-/// order. An error of the sink ends the bake and is returned. `blocked` is filled where it is
-/// given, an eighth of a byte a ray.
+/// Deterministic for any number of threads, unless `seconds` decide; vertices in another order are
+/// the same rows in that order. An error of the sink ends the bake and is returned. `blocked` is
+/// filled where it is given, an eighth of a byte a ray.
 ///
 /// Errors:  Usage  bands, tolerance or rays_per_vertex is out of range
 Expected<DiffuseReport> bake_diffuse(

@@ -41,7 +41,8 @@ std::string resolved(const std::string& path) {
     return target;
 }
 
-std::string temporary_name(const std::string& path) {
+/// Beside `path`, which is no link.
+std::string temporary_beside(const std::string& path) {
     const auto slash = path.find_last_of('/');
     const std::string file = slash == std::string::npos ? path : path.substr(slash + 1);
     return folder_of(path) + "/." + file + "." + std::to_string(::getpid()) + ".tmp";
@@ -183,7 +184,7 @@ Expected<void> Writer::State::put_in_place() {
     if (temporary.empty()) {
         // An unnamed file gets a name beside the target first: a link cannot replace a file, rename
         // can.
-        const std::string name = temporary_name(path);
+        const std::string name = temporary_beside(path);
         const std::string descriptor = "/proc/self/fd/" + std::to_string(file);
         ::unlink(name.c_str());
         if (::linkat(AT_FDCWD, descriptor.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) != 0)
@@ -200,6 +201,10 @@ Writer::Writer(Writer&&) noexcept = default;
 Writer& Writer::operator=(Writer&&) noexcept = default;
 Writer::~Writer() = default;
 
+std::string Writer::temporary_name(const std::string& path) {
+    return temporary_beside(resolved(path));
+}
+
 Expected<Writer> Writer::create(const std::string& path) {
     auto state = std::make_unique<State>();
     state->path = resolved(path);
@@ -207,7 +212,7 @@ Expected<Writer> Writer::create(const std::string& path) {
     state->file = ::open(folder_of(state->path).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
 #endif
     if (state->file < 0) {
-        const std::string name = temporary_name(state->path);
+        const std::string name = temporary_beside(state->path);
         state->file = ::open(name.c_str(), O_CREAT | O_TRUNC | O_RDWR | O_CLOEXEC, 0666);
         if (state->file < 0) return Error::from_errno(Errc::CannotOpen);
         state->temporary = name;

@@ -43,7 +43,7 @@ class Program {
         }
     }
 
-    void kill() const { ::kill(pid_, SIGKILL); }
+    void signal(int number) const { ::kill(pid_, number); }
 
     Outcome wait() {
         Outcome outcome;

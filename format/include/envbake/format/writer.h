@@ -36,6 +36,9 @@ class Writer {
   public:
     /// Errors:  CannotOpen
     [[nodiscard]] static Expected<Writer> create(const std::string& path);
+    /// The file beside `path` that a writer of this process may leave where it cannot clean up: a
+    /// signal handler removes it.
+    [[nodiscard]] static std::string temporary_name(const std::string& path);
     Writer(Writer&&) noexcept;
     Writer& operator=(Writer&&) noexcept;
     ~Writer();
