@@ -35,8 +35,8 @@ struct WaveletReport {
 
 /// What coefficients are rounded to: 1.2 times the tolerance, relative to 1 / pi, which is what an
 /// open texel overhead has; but no less than lets the largest coefficient be a number of 15 bits.
-/// Under a light of one texel, the worst, some half of the tolerance is lost (rms), measured on
-/// scans and gardens for faces of 32 and 64.
+/// Under a light of one texel, the worst, less than the tolerance is lost (rms): a test holds it to
+/// that.
 float wavelet_step(const WaveletJob& job);
 
 /// Rays a vertex that needs rays: 990 to 1,120 were measured for faces of 32, 1,430 to 1,930

@@ -28,7 +28,7 @@ namespace envbake::wavelet {
 /// the dot product of their coefficients is the integral over the sphere.
 ///
 /// No rotation of the light turns coefficients into coefficients: turn the map, and transform it
-/// again (light_coefficients(); 5 ms for faces of 64 from a map with faces of 256).
+/// again (light_coefficients(); 8 ms for faces of 64 from a map with faces of 256).
 ///
 /// Source: [Ng03]; the decomposition [Stollnitz95] section 3.
 
