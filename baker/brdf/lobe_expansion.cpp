@@ -211,6 +211,7 @@ double of_lobe(const OfParts& parts, double r0) {
 struct Expanded {
     std::array<std::vector<double>, 2> unoccluded, kernel;  ///< [part]
     OfParts unoccluded_squared{};
+    OfParts kernel_elements_squared{};
     OfParts kernel_squared{};  ///< mean over directions of light, weighted by their cosine
     OfParts fit_squared{};
     OfParts f_squared{}, lost_squared{};  ///< weighted by both cosines
@@ -274,6 +275,9 @@ Expanded expand(const LobeExpansionJob& job, double roughness) {
         for (std::size_t pair = 0; pair < kPairs.size(); ++pair) {
             const auto [first, second] = kPairs[pair];
             for (std::size_t j = 0; j < kernel[0].size(); ++j) {
+                for (std::size_t k = 0; k < kernel[first][j].size(); ++k)
+                    expanded.kernel_elements_squared[pair] +=
+                        sides * kernel[first][j][k] * kernel[second][j][k];
                 expanded.kernel_squared[pair] +=
                     sides * quadratic_form(light_gram, kernel[first][j], kernel[second][j]) / pi;
                 for (std::size_t k = 0; k < unoccluded[0][j].size(); ++k)
@@ -344,10 +348,13 @@ LobeErrors lobe_errors(const LobeExpansionJob& job, double perceptual_roughness,
     }
     const double white_squared = of_lobe(expanded.unoccluded_squared, 1);
     const auto root = [](double x) { return std::sqrt(std::max(x, 0.0)); };
-    return {.per_transport_error =
-                root(of_lobe(expanded.kernel_squared, r0) * diffuse_squared / white_squared),
-            .fit = root(of_lobe(expanded.fit_squared, r0) / white_squared),
-            .lost = root(of_lobe(expanded.lost_squared, r0) / of_lobe(expanded.f_squared, r0))};
+    return {
+        .per_transport_error =
+            root(of_lobe(expanded.kernel_squared, r0) * diffuse_squared / white_squared),
+        .per_rounding_error = root(of_lobe(expanded.kernel_elements_squared, r0) * job.light_bands *
+                                   job.light_bands / (4 * pi) / white_squared),
+        .fit = root(of_lobe(expanded.fit_squared, r0) / white_squared),
+        .lost = root(of_lobe(expanded.lost_squared, r0) / of_lobe(expanded.f_squared, r0))};
 }
 
 }  // namespace envbake

@@ -52,6 +52,10 @@ struct LobeErrors {
     /// By which the error of diffuse transport (DiffuseJob::tolerance, of light_bands) is
     /// multiplied to have that of t: both come from the same rays.
     double per_transport_error = 0;
+    /// Error of t where every number of "mesh/I/glossy" is off by independent errors of rms 1: by
+    /// sum_im (sum_k k_jk G_ikm)^2 = light_bands^2 / 4pi sum_k k_jk^2, since the squares of the
+    /// basis functions of whole bands add up to a constant.
+    double per_rounding_error = 0;
     /// Of a place that sees no light at all, where the kernel's kLobeBands bands decide everything.
     /// Goes as the root of the blocked share.
     double fit = 0;

@@ -265,21 +265,39 @@ class Run {
             static_cast<std::uint64_t>(glossy.job.row_bands * glossy.job.row_bands);
         const auto diffuse_size = static_cast<std::size_t>(glossy.job.bands * glossy.job.bands);
         ENVBAKE_TRY_VOID(build_tracer());
-        if (auto begun = writer_.begin(
-                {output, format::ElementType::F32, {mesh.vertex_count(), row_size}, codec()});
+        // Any encoding of diffuse transport makes halves of these numbers: in 8 bits they would err
+        // more than the tolerance.
+        const bool half = request_.encoding != Encoding::F32;
+        const auto type = half ? format::ElementType::F16 : format::ElementType::F32;
+        if (auto begun = writer_.begin({output, type, {mesh.vertex_count(), row_size}, codec()});
             !begun)
             return output_error(begun.error());
         std::vector<float>& kept = transport_[glossy.mesh].rows;
         if (glossy.with_diffuse) kept.reserve(mesh.vertex_count() * diffuse_size);
         choose_glossy_vertices(glossy.mesh);
-        double blocked_sum = 0;
+        double blocked_sum = 0, rounding_squares = 0;
         std::uint64_t first_vertex = 0;
+        std::vector<format::Half> halves;
+        std::vector<float> as_read;
         const auto sink = [&](std::span<const float> rows) -> Expected<void> {
             for (std::size_t at = 0; at < rows.size(); at += row_size) {
                 blocked_sum += 1 - static_cast<double>(rows[at]) * std::sqrt(4 * std::numbers::pi);
                 if (glossy.with_diffuse)
                     kept.insert(kept.end(), rows.begin() + static_cast<std::ptrdiff_t>(at),
                                 rows.begin() + static_cast<std::ptrdiff_t>(at + diffuse_size));
+            }
+            std::span<const std::byte> stored = std::as_bytes(rows);
+            if (half) {
+                halves.clear();
+                as_read.clear();
+                for (const float value : rows) {
+                    halves.push_back({runtime::float_to_half(value)});
+                    as_read.push_back(runtime::half_to_float(halves.back().bits));
+                    const double rounding = static_cast<double>(as_read.back() - value);
+                    rounding_squares += rounding * rounding;
+                }
+                stored = std::as_bytes(std::span(halves));
+                rows = as_read;
             }
             for (auto& asked : stored_.glossy_vertices) {
                 if (asked.mesh != glossy.mesh || asked.vertex < first_vertex) continue;
@@ -290,7 +308,7 @@ class Run {
                         rows.begin() + static_cast<std::ptrdiff_t>(at + row_size));
             }
             first_vertex += rows.size() / row_size;
-            if (auto appended = writer_.append(std::as_bytes(rows)); !appended)
+            if (auto appended = writer_.append(stored); !appended)
                 return output_error(appended.error());
             return {};
         };
@@ -304,9 +322,13 @@ class Run {
         const double blocked = std::max(
             0.0, blocked_sum / static_cast<double>(std::max<std::size_t>(1, mesh.vertex_count())));
         const double expansion = lobe.fit * std::sqrt(blocked);
+        const double rounding =
+            lobe.per_rounding_error *
+            std::sqrt(rounding_squares / static_cast<double>(std::max<std::uint64_t>(
+                                             1, row_size * mesh.vertex_count())));
         report_.glossy[glossy.mesh] = {
             rays, glossy.light_bands, lobe,
-            std::hypot(lobe.per_transport_error * rays.error_rms, expansion),
+            std::hypot(lobe.per_transport_error * rays.error_rms, expansion, rounding),
             std::hypot(lobe.per_transport_error * rays.error_p999, lobe.fit)};
         report_.array_errors[output] = {
             report_.glossy[glossy.mesh]->error_rms,

@@ -390,7 +390,7 @@ class Validation {
                               "[vertices, 3]");
                 break;
             case Kind::Glossy:
-                require_type(info, rule::kGlossyType, {ElementType::F32});
+                require_type(info, rule::kGlossyType, {ElementType::F32, ElementType::F16});
                 require_shape(info, rule::kGlossyShape, info.rank == 2 && light_bands_of(s[1]) > 0,
                               "[vertices, (n + 6)^2] for n of 1 to 5");
                 break;

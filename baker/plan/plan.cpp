@@ -275,6 +275,8 @@ LobeErrors worst_errors(const BakeRequest& request, const RoughnessRange& range,
             const LobeErrors errors = lobe_errors(job, roughness, r0);
             worst.per_transport_error =
                 std::max(worst.per_transport_error, errors.per_transport_error);
+            worst.per_rounding_error =
+                std::max(worst.per_rounding_error, errors.per_rounding_error);
             worst.fit = std::max(worst.fit, errors.fit);
             worst.lost = std::max(worst.lost, errors.lost);
             if (range.min == range.max) break;

@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <random>
 #include <span>
 #include <vector>
 
@@ -287,6 +288,33 @@ TEST(Glossy, ABakeIsWithinItsStatedError) {
     const double error = std::sqrt(sum / count / white);
     EXPECT_LT(error, std::hypot(errors.per_transport_error * report->error_rms, errors.fit) + 2e-3);
     EXPECT_GT(error, 1e-4);  // it was measured
+}
+
+/// Noise in what is stored comes through the lobe as its errors say.
+TEST(Glossy, RoundingErrsAsStated) {
+    constexpr double kNoise = 1e-3;
+    for (const double roughness : {0.5, 1.0}) {
+        const LobeExpansionJob job{.roughness = {roughness, roughness}};
+        std::vector<float> row(121, 0.01f);
+        const Baked clean(job, row, {0, 0.6f, 0.8f});
+        std::mt19937 random(1);
+        std::normal_distribution<float> noise(0, static_cast<float>(kNoise));
+        double sum = 0;
+        constexpr int kTrials = 60;
+        for (int trial = 0; trial < kTrials; ++trial) {
+            std::vector<float> other = row;
+            for (float& x : other) x += noise(random);
+            const Baked spoiled(job, other, {0, 0.6f, 0.8f});
+            const auto a = clean.matrix(roughness, 0), b = spoiled.matrix(roughness, 0);
+            const auto a1 = clean.matrix(roughness, 1), b1 = spoiled.matrix(roughness, 1);
+            for (std::size_t j = 0; j < a.size(); ++j)
+                for (std::size_t i = 0; i < a[j].size(); ++i)
+                    sum += std::pow(b[j][i] + b1[j][i] - a[j][i] - a1[j][i], 2);
+        }
+        const double error = std::sqrt(sum / kTrials / clean.white_squared());
+        const double stated = kNoise * lobe_errors(job, roughness, 1).per_rounding_error;
+        EXPECT_NEAR(error, stated, 0.2 * stated) << roughness;
+    }
 }
 
 /// The diffuse part of a longer row is the row that a diffuse bake gives.
