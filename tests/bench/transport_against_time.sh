@@ -12,7 +12,7 @@ data=$(realpath "${2:-../shared/data}")
 cmake --preset bench -DENVBAKE_TEST_DATA="$data"
 cmake --build --preset bench --target transport_against_time transport_check
 mkdir -p "$folder"
-for what in ladder bare scaling; do
+for what in ladder bare scaling bounces; do
   build/bench/bin/transport_against_time $what | tee "$folder/transport_$what.csv"
 done
 for scene in stanford_bunny suzanne shader_ball dungeon_hall japanese_bridge_garden flight_helmet lucy_33k; do
