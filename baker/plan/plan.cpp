@@ -423,7 +423,8 @@ void add_wavelet_stages(const BakeRequest& request, const BakeFacts& facts,
 
 /// Of the tolerance, what the bake gets where the encoding will take some: squares add up. f16 and
 /// unorm16 add less than a thousandth. 8 bits add 4e-3 on scans, so that 0.9 would do for a
-/// tolerance of 1e-2; clusters take what they get, and 0.8 costs a third more rays.
+/// tolerance of 1e-2; clusters take what they get, and 0.8 costs, by the law of the error, a third
+/// more rays.
 double bake_share(Encoding encoding) {
     switch (encoding) {
         case Encoding::F32:

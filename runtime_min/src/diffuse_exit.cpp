@@ -12,88 +12,91 @@ namespace {
 
 constexpr std::size_t kMaxCoeffs = static_cast<std::size_t>(sh::coeff_count(sh::kMaxBundleBands));
 
-/// A light as rows of one kind meet it: what each number of a row is multiplied by, and what comes
-/// on top of the sum.
+/// A light as rows of one kind meet it: what each number of a row is multiplied by for red, green
+/// and blue, and what comes on top of the sum.
 class RowLight {
   public:
     /// `range`: low and step of each number of a row; null where rows are the numbers themselves.
-    RowLight(int bands, int channels, const ShLightingView& lighting, const float* range)
-        : channels_(static_cast<std::size_t>(channels)) {
+    RowLight(int bands, int channels, const ShLightingView& lighting, const float* range) {
         const auto coeffs = static_cast<std::size_t>(sh::coeff_count(bands));
-        row_size_ = coeffs * channels_;
-        shared_ = std::min(coeffs, lighting.coeffs.size() / 3);
-        for (std::size_t i = 0; i < shared_; ++i) {
-            for (std::size_t c = 0; c < 3; ++c) {
-                const std::size_t slot = channels_ == 3 ? 3 * i + c : i;
-                const float light = lighting.coeffs[3 * i + c];
+        const auto stride = static_cast<std::size_t>(channels);
+        row_size_ = coeffs * stride;
+        count_ = std::min(coeffs, lighting.coeffs.size() / 3) * stride;
+        // The last vector may overlap the one before: it counts what that has not.
+        for (std::size_t begin = 0; begin < count_; begin += kLanes) {
+            const std::size_t at =
+                begin + kLanes <= count_ || count_ < kLanes ? begin : count_ - kLanes;
+            Vector& vector = vectors_[vector_count_++];
+            vector = {at, {}};
+            for (std::size_t slot = begin; slot < std::min(begin + kLanes, count_); ++slot) {
+                const float low = range != nullptr ? range[2 * slot] : 0;
                 const float step = range != nullptr ? range[2 * slot + 1] : 1;
-                if (range != nullptr) low_[c] += light * range[2 * slot];
-                factors_[channels_ == 3 ? slot : c * kMaxCoeffs + i] = light * step;
+                for (std::size_t c = 0; c < 3; ++c) {
+                    if (stride == 3 && slot % 3 != c) continue;
+                    const float light = lighting.coeffs[3 * (slot / stride) + c];
+                    low_[c] += light * low;
+                    vector.factors[c][slot - at] = light * step;
+                }
             }
         }
     }
 
     std::size_t row_size() const { return row_size_; }
 
-    /// `row`: row_size() numbers.
+    /// Rows of row_size() numbers, one for each of `out`.
     template <class T>
-    Rgb exit(const T* row) const {
-        return channels_ == 3 ? coloured(row) : grey(row);
+    void exit(const T* rows, std::span<Rgb> out) const {
+        std::size_t v = 0;
+        for (; count_ >= kLanes && v + kRows <= out.size(); v += kRows) {
+            exit_of_four(rows + v * row_size_, &out[v]);
+        }
+        for (; v < out.size(); ++v) exit_of_one(rows + v * row_size_, out[v]);
     }
 
   private:
-    template <class T>
-    Rgb grey(const T* row) const {
-        const float *red = factors_.data(), *green = red + kMaxCoeffs, *blue = green + kMaxCoeffs;
-        Float8 r{}, g{}, b{};
-        std::size_t i = 0;
-        for (; i + kLanes <= shared_; i += kLanes) {
-            const Float8 t = load8(row + i);
-            r += t * load8(red + i);
-            g += t * load8(green + i);
-            b += t * load8(blue + i);
-        }
-        Rgb out{low_[0] + sum(r), low_[1] + sum(g), low_[2] + sum(b)};
-        for (; i < shared_; ++i) {
-            const float t = to_float(row[i]);
-            out[0] += t * red[i];
-            out[1] += t * green[i];
-            out[2] += t * blue[i];
-        }
-        return out;
-    }
+    static constexpr std::size_t kRows = 4;
 
-    /// Lane k of vector v holds channel (8 v + k) mod 3.
     template <class T>
-    Rgb coloured(const T* row) const {
-        Float8 sums[3] = {};
-        const std::size_t count = 3 * shared_;
-        std::size_t i = 0;
-        for (; i + 3 * kLanes <= count; i += 3 * kLanes) {
-            for (std::size_t v = 0; v < 3; ++v) {
-                sums[v] += load8(row + i + v * kLanes) * load8(factors_.data() + i + v * kLanes);
+    void exit_of_four(const T* rows, Rgb* out) const {
+        Float8 products[3][kRows] = {};
+        for (std::size_t i = 0; i < vector_count_; ++i) {
+            const Vector& vector = vectors_[i];
+            const Float8 factors[3] = {load8(vector.factors[0]), load8(vector.factors[1]),
+                                       load8(vector.factors[2])};
+            for (std::size_t k = 0; k < kRows; ++k) {
+                const Float8 numbers = load8(rows + k * row_size_ + vector.at);
+                for (std::size_t c = 0; c < 3; ++c) products[c][k] += numbers * factors[c];
             }
         }
-        Rgb out = low_;
-        for (std::size_t k = 0; k < 3 * kLanes; ++k) {
-            out[k % 3] += lane(sums[k / kLanes], k % kLanes);
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::array<float, kRows> of_rows = sums(products[c]);
+            for (std::size_t k = 0; k < kRows; ++k) out[k][c] = low_[c] + of_rows[k];
         }
-        for (; i < count; ++i) out[i % 3] += to_float(row[i]) * factors_[i];
-        return out;
     }
 
-    std::size_t channels_, row_size_ = 0, shared_ = 0;
-    std::array<float, 3 * kMaxCoeffs> factors_;  ///< [3][kMaxCoeffs]; coloured rows: as they lie
+    template <class T>
+    void exit_of_one(const T* row, Rgb& out) const {
+        out = low_;
+        for (std::size_t i = 0; i < vector_count_; ++i) {
+            const Vector& vector = vectors_[i];
+            for (std::size_t k = 0; k < std::min(kLanes, count_); ++k) {
+                const float number = vector.at + k < count_ ? to_float(row[vector.at + k]) : 0;
+                for (std::size_t c = 0; c < 3; ++c) out[c] += number * vector.factors[c][k];
+            }
+        }
+    }
+
+    /// Eight neighbours of a row.
+    struct Vector {
+        std::size_t at = 0;  ///< the first
+        float factors[3][kLanes];
+    };
+    static constexpr std::size_t kMaxVectors = (3 * kMaxCoeffs + kLanes - 1) / kLanes;
+
+    std::size_t row_size_ = 0, count_ = 0, vector_count_ = 0;
+    std::array<Vector, kMaxVectors> vectors_;  ///< the first vector_count_ are filled
     Rgb low_{};
 };
-
-template <class T>
-void exit_of_rows(const T* rows, const RowLight& light, std::span<Rgb> out) {
-    for (Rgb& value : out) {
-        value = light.exit(rows);
-        rows += light.row_size();
-    }
-}
 
 /// A damaged bundle may name a cluster that does not exist; it gets the first.
 std::uint32_t cluster_of(const TransportView& transport, std::uint64_t vertex) {
@@ -117,10 +120,10 @@ void project_rows(const ClusterBasisView& basis, const RowLight& light, std::uin
                   std::span<Rgb> out) {
     if (basis.rows.is_half) {
         const auto* rows = static_cast<const HalfBits*>(basis.rows.data);
-        exit_of_rows(rows + first * light.row_size(), light, out);
+        light.exit(rows + first * light.row_size(), out);
     } else {
         const auto* rows = static_cast<const float*>(basis.rows.data);
-        exit_of_rows(rows + first * light.row_size(), light, out);
+        light.exit(rows + first * light.row_size(), out);
     }
 }
 
@@ -188,17 +191,16 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
     switch (transport.encoding) {
         case TransportEncoding::Float:
             if (transport.values.is_half) {
-                exit_of_rows(static_cast<const HalfBits*>(transport.values.data) + begin, light,
-                             out);
+                light.exit(static_cast<const HalfBits*>(transport.values.data) + begin, out);
             } else {
-                exit_of_rows(static_cast<const float*>(transport.values.data) + begin, light, out);
+                light.exit(static_cast<const float*>(transport.values.data) + begin, out);
             }
             break;
         case TransportEncoding::Unorm16:
-            exit_of_rows(static_cast<const std::uint16_t*>(transport.codes) + begin, light, out);
+            light.exit(static_cast<const std::uint16_t*>(transport.codes) + begin, out);
             break;
         case TransportEncoding::Unorm8:
-            exit_of_rows(static_cast<const std::uint8_t*>(transport.codes) + begin, light, out);
+            light.exit(static_cast<const std::uint8_t*>(transport.codes) + begin, out);
             break;
         case TransportEncoding::Clustered:
             exit_of_clusters(transport, light, first, out);
