@@ -122,7 +122,7 @@ TEST(ClusterRows, KeepsToTheToleranceAndStatesWhatItReached) {
     // Eight bundles of low rank: what clusters are for.
     std::vector<float> rows;
     for (std::uint64_t k = 0; k < 8; ++k) {
-        const std::vector<float> part = random_rows(500, 3, 20 + k);
+        const std::vector<float> part = random_rows(200, 3, 20 + k);
         rows.insert(rows.end(), part.begin(), part.end());
     }
     for (const bool half : {false, true}) {
