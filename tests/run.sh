@@ -12,4 +12,4 @@ case $preset in
 esac
 cmake --preset "$preset" ${ENVBAKE_CMAKE_ARGS:-}
 cmake --build --preset "$preset"
-ctest --preset "$preset" -j "$(nproc)"
+ctest --preset "$preset" -j "$(nproc)" ${ENVBAKE_CTEST_ARGS:-}
