@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <new>
 #include <numbers>
@@ -312,10 +313,9 @@ class Run {
                 return output_error(appended.error());
             return {};
         };
-        ENVBAKE_TRY(
-            const DiffuseReport rays,
-            bake_diffuse(in_time(glossy.job, glossy.mesh), *inputs_.scene, glossy.mesh, *tracer_,
-                         sink, progress_, glossy.bounces ? &blocked_[glossy.mesh] : nullptr));
+        ENVBAKE_TRY(const DiffuseReport rays,
+                    trace(glossy.job, glossy.mesh, sink,
+                          glossy.bounces ? &blocked_[glossy.mesh] : nullptr));
         if (auto ended = writer_.end(); !ended) return output_error(ended.error());
 
         const LobeErrors& lobe = glossy.errors;
@@ -341,7 +341,7 @@ class Run {
             const std::uint32_t place = points.representative(v);
             const DVec3 normal = place == SurfacePoints::kNone
                                      ? DVec3(0)
-                                     : points.origin(place, tracer_->space()).normal;
+                                     : glm::normalize(DVec3(mesh.normals[place]));
             for (int c = 0; c < 3; ++c) normals.push_back(static_cast<float>(normal[c]));
         }
         for (auto& vertex : stored_.glossy_vertices)
@@ -393,9 +393,7 @@ class Run {
                 return output_error(appended.error());
             return {};
         };
-        ENVBAKE_TRY(DiffuseReport report,
-                    bake_diffuse(in_time(diffuse.job, diffuse.mesh), *inputs_.scene, diffuse.mesh,
-                                 *tracer_, sink, progress_));
+        ENVBAKE_TRY(DiffuseReport report, trace(diffuse.job, diffuse.mesh, sink));
         if (auto ended = writer_.end(); !ended) return output_error(ended.error());
         report_.array_errors[output] = {report.error_rms,
                                         "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
@@ -415,8 +413,7 @@ class Run {
             return {};
         };
         ENVBAKE_TRY(report_.diffuse[diffuse.mesh],
-                    bake_diffuse(diffuse.job, *inputs_.scene, diffuse.mesh, *tracer_, sink,
-                                 progress_, &blocked_[diffuse.mesh]));
+                    trace(diffuse.job, diffuse.mesh, sink, &blocked_[diffuse.mesh]));
         return {};
     }
 
@@ -428,8 +425,7 @@ class Run {
         }
         const std::size_t begin = store_->size();
         const auto sink = [&](std::span<const float> rows) { return store_->append(rows); };
-        ENVBAKE_TRY(DiffuseReport report, bake_diffuse(diffuse.job, *inputs_.scene, diffuse.mesh,
-                                                       *tracer_, sink, progress_));
+        ENVBAKE_TRY(DiffuseReport report, trace(diffuse.job, diffuse.mesh, sink));
         report_.array_errors[output] = {report.error_rms,
                                         "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
         report_.diffuse[diffuse.mesh] = report;
@@ -699,6 +695,14 @@ class Run {
         job.seconds = std::max(left * vertices / vertices_to_trace_, 1e-9);
         vertices_to_trace_ -= vertices;
         return job;
+    }
+
+    /// Rows of one mesh, whatever waits for them, within the time that is left.
+    Expected<DiffuseReport> trace(const DiffuseJob& job, std::size_t mesh,
+                                  const std::function<Expected<void>(std::span<const float>)>& sink,
+                                  BlockedRays* blocked = nullptr) {
+        return bake_diffuse(in_time(job, mesh), *inputs_.scene, mesh, *tracer_, sink, progress_,
+                            blocked);
     }
 
     /// One bar for the transport of all meshes, once the first of them begins.

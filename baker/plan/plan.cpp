@@ -285,7 +285,14 @@ LobeErrors worst_errors(const BakeRequest& request, const RoughnessRange& range,
     return worst;
 }
 
-PlannedStage plan_glossy(const BakeRequest& request, const BakeFacts& facts, std::size_t mesh) {
+/// What the plan asks of a material's lobe, worked out for the first mesh that has it.
+struct LobeFacts {
+    double share = 0;  ///< reflected_share()
+    LobeErrors errors;
+};
+
+PlannedStage plan_glossy(const BakeRequest& request, const BakeFacts& facts, std::size_t mesh,
+                         std::vector<std::optional<LobeFacts>>& lobes) {
     const MeshFacts& f = facts.meshes[mesh];
     const MaterialFacts& material = facts.materials[f.material];
     PlannedStage stage{concat("mesh/", mesh, "/glossy"), "", std::nullopt};
@@ -313,7 +320,11 @@ PlannedStage plan_glossy(const BakeRequest& request, const BakeFacts& facts, std
                               " SH cannot show the lobe, environment/mips can");
         return stage;
     }
-    const double share = reflected_share(request, range, material.max_r0);
+    std::optional<LobeFacts>& lobe = lobes[f.material];
+    if (!lobe)
+        lobe = {reflected_share(request, range, material.max_r0),
+                worst_errors(request, range, material.max_r0)};
+    const double share = lobe->share;
     if (request.glossy != GlossyChoice::All && share < request.tolerance) {
         stage.reason = concat("the lobe of material ", quoted(material.name), " reflects ",
                               percentage(share), " of the light, less than the tolerance");
@@ -322,7 +333,7 @@ PlannedStage plan_glossy(const BakeRequest& request, const BakeFacts& facts, std
     PlannedGlossy glossy;
     glossy.mesh = mesh;
     glossy.light_bands = glossy_light_bands(request);
-    glossy.errors = worst_errors(request, range, material.max_r0);
+    glossy.errors = lobe->errors;
     glossy.with_diffuse = material.max_diffuse_albedo > 0 || request.bounces > 0;
     // Rays for the worse of the two. A metal has no diffuse transport to ask for less.
     const double factor = material.max_diffuse_albedo > 0
@@ -467,8 +478,6 @@ void add_encoding_stage(const BakeRequest& request, std::vector<PlannedStage>& s
         if (!stage.job) continue;
         if (auto* bounces = std::get_if<PlannedBounces>(&*stage.job))
             bounces->job.tolerance *= share;
-        if (auto* glossy = std::get_if<PlannedGlossy>(&*stage.job))
-            glossy->job.tolerance = std::min(glossy->job.tolerance, request.tolerance * share);
         auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
         if (diffuse == nullptr || !diffuse->job.shadowed) continue;
         diffuse->job.tolerance *= share;
@@ -479,6 +488,20 @@ void add_encoding_stage(const BakeRequest& request, std::vector<PlannedStage>& s
         {"encoding", encoding_reason(request.encoding),
          PlannedEncoding{request.encoding, request.tolerance * std::sqrt(1 - share * share),
                          request.bands}});
+}
+
+/// The rays of glossy transport are those of the diffuse transport behind it: they are as many as
+/// the stricter of the two needs, whatever took some of the diffuse one's tolerance.
+void share_rays(std::vector<PlannedStage>& stages) {
+    PlannedGlossy* glossy = nullptr;  // the last one
+    for (PlannedStage& stage : stages) {
+        if (!stage.job) continue;
+        if (auto* found = std::get_if<PlannedGlossy>(&*stage.job)) glossy = found;
+        const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
+        if (diffuse == nullptr || !diffuse->from_glossy || !diffuse->job.shadowed) continue;
+        glossy->bounces = diffuse->bounces;
+        glossy->job.tolerance = std::min(glossy->job.tolerance, diffuse->job.tolerance);
+    }
 }
 
 /// Light between the surfaces of all meshes that have transport.
@@ -545,12 +568,6 @@ void add_bounces_stage(PlannedStage bounces, std::vector<PlannedStage>& stages) 
         if (!bounces.job || diffuse == nullptr || !diffuse->job.shadowed) continue;
         diffuse->bounces = true;
         diffuse->job.tolerance *= kDirectShare;
-        for (PlannedStage& other : stages) {
-            auto* glossy = other.job ? std::get_if<PlannedGlossy>(&*other.job) : nullptr;
-            if (glossy == nullptr || glossy->mesh != diffuse->mesh) continue;
-            glossy->bounces = true;
-            glossy->job.tolerance = std::min(glossy->job.tolerance, diffuse->job.tolerance);
-        }
         if (std::get<PlannedBounces>(*bounces.job).job.emission)
             emitted.push_back({concat("mesh/", diffuse->mesh, "/emitted"),
                                "light of the surfaces that shine", PlannedEmitted{diffuse->mesh}});
@@ -690,8 +707,9 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
     for (const Distribution d : {Distribution::Ggx, Distribution::Beckmann})
         plan.stages.push_back(plan_table(request, facts, need, d));
     std::vector<PlannedStage> glossy;
+    std::vector<std::optional<LobeFacts>> lobes(facts.materials.size());
     for (std::size_t mesh = 0; mesh < facts.meshes.size(); ++mesh)
-        glossy.push_back(plan_glossy(request, facts, mesh));
+        glossy.push_back(plan_glossy(request, facts, mesh, lobes));
     if (facts.has_scene)
         for (const Distribution d : {Distribution::Ggx, Distribution::Beckmann})
             plan.stages.push_back(plan_lobe(request, facts, glossy, d));
@@ -709,6 +727,7 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
         plan.stages.push_back({"mesh", "no scene", std::nullopt});
     add_wavelet_stages(request, facts, plan.stages);
     add_encoding_stage(request, plan.stages);
+    share_rays(plan.stages);
     estimate_cost(plan, facts);
     return plan;
 }
