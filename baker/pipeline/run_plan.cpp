@@ -86,22 +86,18 @@ class Run {
             if (name.rfind("brdf/", 0) != 0 && name.rfind("mesh/", 0) != 0)
                 judge(name, error.value);
         if (report_.bounces) judge("mesh/*/emitted", report_.bounces->emitted_error_rms);
-        double square_sum = 0, vertex_count = 0;
-        for (const auto& diffuse : report_.diffuse) {
-            if (!diffuse) continue;
-            const auto count = static_cast<double>(diffuse->vertex_count);
-            square_sum += diffuse->error_rms * diffuse->error_rms * count;
-            vertex_count += count;
-        }
-        if (vertex_count > 0) judge("mesh/*/diffuse", std::sqrt(square_sum / vertex_count));
-        square_sum = vertex_count = 0;
-        for (const auto& glossy : report_.glossy) {
-            if (!glossy) continue;
-            const auto count = static_cast<double>(glossy->rays.vertex_count);
-            square_sum += glossy->error_rms * glossy->error_rms * count;
-            vertex_count += count;
-        }
-        if (vertex_count > 0) judge("mesh/*/glossy", std::sqrt(square_sum / vertex_count));
+        const auto judge_scene = [&](std::string_view name, const auto& of_meshes) {
+            double square_sum = 0, vertex_count = 0;
+            for (std::size_t m = 0; m < of_meshes.size(); ++m) {
+                if (!of_meshes[m]) continue;
+                const auto count = static_cast<double>(inputs_.scene->meshes[m].vertex_count());
+                square_sum += of_meshes[m]->error_rms * of_meshes[m]->error_rms * count;
+                vertex_count += count;
+            }
+            if (vertex_count > 0) judge(name, std::sqrt(square_sum / vertex_count));
+        };
+        judge_scene("mesh/*/diffuse", report_.diffuse);
+        judge_scene("mesh/*/glossy", report_.glossy);
         return lines;
     }
 

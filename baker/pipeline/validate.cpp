@@ -13,7 +13,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <optional>
 #include <string_view>
@@ -565,12 +564,10 @@ class Validation {
     }
 
     void check_normals(const format::ArrayInfo& info) {
-        const auto bytes = read_bytes(reader_, info);
-        if (!bytes) return;  // check_stored has said so
-        std::vector<float> normals(bytes->size() / sizeof(float));
-        std::memcpy(normals.data(), bytes->data(), normals.size() * sizeof(float));
-        for (std::size_t v = 0; 3 * v + 2 < normals.size(); ++v) {
-            const double x = normals[3 * v], y = normals[3 * v + 1], z = normals[3 * v + 2];
+        const auto normals = read_values(reader_, info);
+        if (!normals) return;  // check_stored has said so
+        for (std::size_t v = 0; 3 * v + 2 < normals->size(); ++v) {
+            const double *n = &(*normals)[3 * v], x = n[0], y = n[1], z = n[2];
             const double length = std::sqrt(x * x + y * y + z * z);
             if (length == 0 || std::abs(length - 1) <= 1e-4) continue;
             add(rule::kNormalLength,

@@ -449,6 +449,13 @@ TEST_F(Commands, ATimeBudgetEndsInAValidBundleThatStatesItsError) {
     EXPECT_LT(of_mesh["rays_per_vertex"], 256) << "fewer than the first look";
     EXPECT_GT(of_mesh["error_rms"], 1e-3);
 
+    // Whatever transport waits for: it gets the fewest rays a vertex that a budget leaves.
+    const auto rays = [&](std::vector<std::string> more) {
+        more.insert(more.end(), {"--tolerance", "1e-4", "--time-budget", "1e-6", "--force"});
+        EXPECT_EQ(envbake(bake_arguments(more)).status, 0);
+        return dump()["metadata"]["meshes"][0]["diffuse"]["rays_per_vertex"].get<int>();
+    };
+    EXPECT_EQ(rays({"--encoding", "unorm8"}), rays({}));
     bake({"--time-budget", "100000"});
     EXPECT_LE(dump()["metadata"]["meshes"][0]["diffuse"]["error_rms"], 1e-2);
     EXPECT_EQ(envbake(bake_arguments({"--time-budget", "1", "--rays", "64"})).status, 2);
