@@ -65,13 +65,11 @@ class RowLight {
                                        load8(vector.factors[2])};
             for (std::size_t k = 0; k < kRows; ++k) {
                 const Float8 numbers = load8(rows + k * row_size_ + vector.at);
-                for (std::size_t c = 0; c < 3; ++c) products[c][k] += numbers * factors[c];
+                for (std::size_t c = 0; c < 3; ++c)
+                    multiply_add(numbers, factors[c], products[c][k]);
             }
         }
-        for (std::size_t c = 0; c < 3; ++c) {
-            const std::array<float, kRows> of_rows = sums(products[c]);
-            for (std::size_t k = 0; k < kRows; ++k) out[k][c] = low_[c] + of_rows[k];
-        }
+        store_colours(products, low_, out);
     }
 
     template <class T>
@@ -107,40 +105,98 @@ std::uint32_t cluster_of(const TransportView& transport, std::uint64_t vertex) {
     return cluster < transport.basis.cluster_count ? cluster : 0;
 }
 
-Rgb weighted(const Rgb* rows, const std::uint8_t* weights, std::size_t count) {
-    Rgb sum = rows[0];
-    for (std::size_t k = 0; k < count; ++k) {
-        const float weight = weights[k];
-        for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * rows[1 + k][c];
-    }
-    return sum;
+RowLight light_on(const ClusterBasisView& basis, const ShLightingView& lighting) {
+    return {basis.bands, basis.channels, lighting, nullptr};
 }
 
-void project_rows(const ClusterBasisView& basis, const RowLight& light, std::uint64_t first,
-                  std::span<Rgb> out) {
-    if (basis.rows.is_half) {
-        const auto* rows = static_cast<const HalfBits*>(basis.rows.data);
-        light.exit(rows + first * light.row_size(), out);
-    } else {
-        const auto* rows = static_cast<const float*>(basis.rows.data);
-        light.exit(rows + first * light.row_size(), out);
+/// The rows of a cluster under a light, as weights meet them: the colour of the first row, then for
+/// every eight weights their factors for red, for green and for blue, 0 where there is no weight.
+class ProjectedClusters {
+  public:
+    explicit ProjectedClusters(const ClusterBasisView& basis)
+        : weight_count_(static_cast<std::size_t>(basis.weight_count)) {}
+
+    std::size_t cluster_size() const { return cluster_size(vector_count()); }
+
+    void project(const ClusterBasisView& basis, const RowLight& light, std::uint32_t cluster,
+                 float* projected) const {
+        std::array<Rgb, 1 + kMaxClusterWeights> rows;
+        const std::size_t first = cluster * (weight_count_ + 1) * light.row_size();
+        const auto out = std::span(rows).first(weight_count_ + 1);
+        if (basis.rows.is_half) {
+            light.exit(static_cast<const HalfBits*>(basis.rows.data) + first, out);
+        } else {
+            light.exit(static_cast<const float*>(basis.rows.data) + first, out);
+        }
+        std::fill(projected, projected + cluster_size(), 0.0f);
+        for (std::size_t c = 0; c < 3; ++c) {
+            projected[c] = rows[0][c];
+            for (std::size_t k = 0; k < weight_count_; ++k) {
+                projected[factor(k, c)] = rows[1 + k][c];
+            }
+        }
     }
-}
+
+    void exit_of_four(const std::array<const float*, 4>& projected, const std::uint8_t* weights,
+                      Rgb* out) const {
+        Float8 products[3][4];
+        for (std::size_t k = 0; k < 4; ++k) {
+            for (std::size_t c = 0; c < 3; ++c) products[c][k] = first_lane(projected[k][c]);
+        }
+        for (std::size_t i = 0; i < vector_count(); ++i) {
+            for (std::size_t k = 0; k < 4; ++k) {
+                // Beyond the vertex' own weights lie others, times 0.
+                const Float8 of_vertex = load8(weights + k * weight_count_ + kLanes * i);
+                for (std::size_t c = 0; c < 3; ++c) {
+                    multiply_add(of_vertex, load8(projected[k] + factor(kLanes * i, c)),
+                                 products[c][k]);
+                }
+            }
+        }
+        store_colours(products, {}, out);
+    }
+
+    Rgb exit_of_one(const float* projected, const std::uint8_t* weights) const {
+        Rgb sum{projected[0], projected[1], projected[2]};
+        for (std::size_t k = 0; k < weight_count_; ++k) {
+            for (std::size_t c = 0; c < 3; ++c) sum[c] += weights[k] * projected[factor(k, c)];
+        }
+        return sum;
+    }
+
+    /// Weights that exit_of_four() reads beyond those of its vertices.
+    std::size_t overread() const { return kLanes * vector_count() - weight_count_; }
+
+    static constexpr std::size_t cluster_size(std::size_t vector_count) {
+        return kFirst + 3 * kLanes * vector_count;
+    }
+    static constexpr std::size_t kMostVectors = (kMaxClusterWeights + kLanes - 1) / kLanes;
+
+  private:
+    static constexpr std::size_t kFirst = 4;  ///< of the factors
+
+    std::size_t vector_count() const { return (weight_count_ + kLanes - 1) / kLanes; }
+    static std::size_t factor(std::size_t weight, std::size_t c) {
+        return kFirst + 3 * (weight - weight % kLanes) + kLanes * c + weight % kLanes;
+    }
+
+    std::size_t weight_count_;
+};
 
 void exit_of_clusters(const TransportView& transport, const RowLight& light, std::uint64_t first,
                       std::span<Rgb> out) {
+    const ProjectedClusters clusters(transport.basis);
     const auto count = static_cast<std::size_t>(transport.basis.weight_count);
     const auto* weights = static_cast<const std::uint8_t*>(transport.codes) + first * count;
-    std::array<Rgb, 1 + kMaxClusterWeights> rows;
-    std::uint32_t projected = transport.basis.cluster_count;  // none
+    std::array<float, ProjectedClusters::cluster_size(ProjectedClusters::kMostVectors)> projected;
+    std::uint32_t cluster_projected = transport.basis.cluster_count;  // none
     for (std::size_t k = 0; k < out.size(); ++k) {
         const std::uint32_t cluster = cluster_of(transport, first + k);
-        if (cluster != projected) {
-            project_rows(transport.basis, light, cluster * (count + 1),
-                         std::span(rows).first(count + 1));
-            projected = cluster;
+        if (cluster != cluster_projected) {
+            clusters.project(transport.basis, light, cluster, projected.data());
+            cluster_projected = cluster;
         }
-        out[k] = weighted(rows.data(), weights + k * count, count);
+        out[k] = clusters.exit_of_one(projected.data(), weights + k * count);
     }
 }
 
@@ -209,27 +265,41 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
     add_emitted(transport, first, out);
 }
 
-void project_light(const ClusterBasisView& basis, const ShLightingView& lighting,
-                   std::span<Rgb> out) noexcept {
-    const std::size_t rows = static_cast<std::size_t>(basis.weight_count) + 1;
-    if (basis.cluster_count == 0 || out.size() != rows * basis.cluster_count) return;
-    project_rows(basis, RowLight(basis.bands, basis.channels, lighting, nullptr), 0, out);
+std::size_t projected_size(const ClusterBasisView& basis) noexcept {
+    return ProjectedClusters(basis).cluster_size() * basis.cluster_count;
 }
 
-void diffuse_exit(const TransportView& transport, std::span<const Rgb> projected,
+void project_light(const ClusterBasisView& basis, const ShLightingView& lighting,
+                   std::span<float> projected) noexcept {
+    if (basis.cluster_count == 0 || projected.size() != projected_size(basis)) return;
+    const ProjectedClusters clusters(basis);
+    const RowLight light = light_on(basis, lighting);
+    for (std::uint32_t cluster = 0; cluster < basis.cluster_count; ++cluster) {
+        clusters.project(basis, light, cluster, &projected[cluster * clusters.cluster_size()]);
+    }
+}
+
+void diffuse_exit(const TransportView& transport, std::span<const float> projected,
                   std::uint64_t first, std::span<Rgb> out) noexcept {
-    const auto count = static_cast<std::size_t>(transport.basis.weight_count);
     if (transport.encoding != TransportEncoding::Clustered ||
-        projected.size() != (count + 1) * transport.basis.cluster_count) {
+        projected.size() != projected_size(transport.basis)) {
         std::fill(out.begin(), out.end(), Rgb{});
         return;
     }
     out = existing(transport, first, out);
+    const ProjectedClusters clusters(transport.basis);
+    const auto count = static_cast<std::size_t>(transport.basis.weight_count);
     const auto* weights = static_cast<const std::uint8_t*>(transport.codes) + first * count;
-    for (std::size_t k = 0; k < out.size(); ++k) {
-        out[k] = weighted(&projected[cluster_of(transport, first + k) * (count + 1)],
-                          weights + k * count, count);
+    const auto of_vertex = [&](std::size_t k) {
+        return &projected[cluster_of(transport, first + k) * clusters.cluster_size()];
+    };
+    const std::uint64_t weights_left = (transport.vertex_count - first) * count;
+    std::size_t k = 0;
+    for (; k + 4 <= out.size() && (k + 4) * count + clusters.overread() <= weights_left; k += 4) {
+        clusters.exit_of_four({of_vertex(k), of_vertex(k + 1), of_vertex(k + 2), of_vertex(k + 3)},
+                              weights + k * count, &out[k]);
     }
+    for (; k < out.size(); ++k) out[k] = clusters.exit_of_one(of_vertex(k), weights + k * count);
     add_emitted(transport, first, out);
 }
 

@@ -8,6 +8,17 @@
 #include <cstdint>
 #include <cstring>
 
+// Eight floats, in one of three forms that the flags of the build choose: AVX2 with FMA and F16C
+// (-march=x86-64-v3 and up), the vector extension of GCC and clang (SSE2, NEON), or plain loops,
+// which -DENVBAKE_PLAIN_LOOPS asks for. Their results agree to rounding.
+#if !defined(ENVBAKE_PLAIN_LOOPS) && (defined(__clang__) || (defined(__GNUC__) && __GNUC__ >= 12))
+#define ENVBAKE_VECTORS
+#if defined(__AVX2__) && defined(__FMA__) && defined(__F16C__)
+#define ENVBAKE_AVX2
+#include <immintrin.h>
+#endif
+#endif
+
 namespace envbake::runtime {
 
 inline constexpr std::size_t kLanes = 8;
@@ -30,26 +41,60 @@ inline float to_float(std::uint16_t value) {
     return value;
 }
 
-// Eight floats: the vector extension of GCC and clang, lowered to what the target of the build has
-// (SSE2, AVX, NEON), or plain loops. Arithmetic is by element and in the same order in both.
-#if defined(__clang__) || (defined(__GNUC__) && __GNUC__ >= 12)
+#if defined(ENVBAKE_VECTORS)
 using Float4 = float __attribute__((vector_size(16)));
-#if defined(__AVX__)
-using Float8 = float __attribute__((vector_size(32)));
+
+#if defined(ENVBAKE_AVX2)
+using Float8 = __m256;
+
+inline void multiply_add(const Float8& a, const Float8& b, Float8& sum) {
+    sum = _mm256_fmadd_ps(a, b, sum);
+}
+
+/// The value, then zeros.
+inline Float8 first_lane(float value) {
+    return _mm256_zextps128_ps256(_mm_set_ss(value));
+}
+
+/// Eight elements, at any alignment.
+inline Float8 load8(const float* from) {
+    return _mm256_loadu_ps(from);
+}
+inline Float8 load8(const HalfBits* from) {
+    return _mm256_cvtph_ps(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from)));
+}
+inline Float8 load8(const std::uint16_t* from) {
+    const __m128i words = _mm_loadu_si128(reinterpret_cast<const __m128i*>(from));
+    return _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(words));
+}
+inline Float8 load8(const std::uint8_t* from) {
+    const __m128i bytes = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(from));
+    return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes));
+}
+
+/// The sum of the lanes of each of four.
+inline Float4 sums(const Float8* v) {
+    const Float8 ab = _mm256_add_ps(_mm256_unpacklo_ps(v[0], v[1]), _mm256_unpackhi_ps(v[0], v[1]));
+    const Float8 cd = _mm256_add_ps(_mm256_unpacklo_ps(v[2], v[3]), _mm256_unpackhi_ps(v[2], v[3]));
+    const Float8 all = _mm256_add_ps(_mm256_shuffle_ps(ab, cd, _MM_SHUFFLE(1, 0, 1, 0)),
+                                     _mm256_shuffle_ps(ab, cd, _MM_SHUFFLE(3, 2, 3, 2)));
+    return _mm256_castps256_ps128(all) + _mm256_extractf128_ps(all, 1);
+}
 #else
 /// Two vectors of the target's width: GCC 12 makes slow work of wider ones than that.
 struct Float8 {
     Float4 low{}, high{};
-    Float8& operator+=(const Float8& other) {
-        low += other.low;
-        high += other.high;
-        return *this;
-    }
-    friend Float8 operator*(const Float8& a, const Float8& b) {
-        return {a.low * b.low, a.high * b.high};
-    }
 };
-#endif
+
+inline void multiply_add(const Float8& a, const Float8& b, Float8& sum) {
+    sum.low += a.low * b.low;
+    sum.high += a.high * b.high;
+}
+
+/// The value, then zeros.
+inline Float8 first_lane(float value) {
+    return {Float4{value, 0, 0, 0}, Float4{}};
+}
 
 namespace detail {
 
@@ -73,16 +118,9 @@ inline I32x4 upper(U16x8 words) {
     return reinterpret_cast<I32x4>(
         __builtin_shufflevector(words, U16x8{}, 4, 12, 5, 13, 6, 14, 7, 15));
 }
-inline Float8 joined(Float4 low, Float4 high) {
-#if defined(__AVX__)
-    return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
-#else
-    return {low, high};
-#endif
-}
 inline Float8 to_floats(U16x8 words) {
-    return joined(__builtin_convertvector(lower(words), Float4),
-                  __builtin_convertvector(upper(words), Float4));
+    return {__builtin_convertvector(lower(words), Float4),
+            __builtin_convertvector(upper(words), Float4)};
 }
 /// half_to_float() of every lane: the exponent's bias is mended by a product, which is exact, for
 /// subnormals too.
@@ -98,7 +136,7 @@ inline Float4 halves_to_floats(I32x4 half) {
 
 /// Eight elements, at any alignment.
 inline Float8 load8(const float* from) {
-    return detail::joined(detail::copied<Float4>(from), detail::copied<Float4>(from + 4));
+    return {detail::copied<Float4>(from), detail::copied<Float4>(from + 4)};
 }
 inline Float8 load8(const std::uint16_t* from) {
     return detail::to_floats(detail::copied<detail::U16x8>(from));
@@ -113,54 +151,67 @@ inline Float8 load8(const std::uint8_t* from) {
 }
 inline Float8 load8(const HalfBits* from) {
     const auto words = detail::copied<detail::U16x8>(from);
-    return detail::joined(detail::halves_to_floats(detail::lower(words)),
-                          detail::halves_to_floats(detail::upper(words)));
+    return {detail::halves_to_floats(detail::lower(words)),
+            detail::halves_to_floats(detail::upper(words))};
 }
 
-inline Float4 folded(const Float8& v) {
-#if defined(__AVX__)
-    return __builtin_shufflevector(v, v, 0, 1, 2, 3) + __builtin_shufflevector(v, v, 4, 5, 6, 7);
-#else
-    return v.low + v.high;
-#endif
-}
 /// The sum of the lanes of each of four.
-inline std::array<float, 4> sums(const Float8* v) {
-    const Float4 a = folded(v[0]), b = folded(v[1]), c = folded(v[2]), d = folded(v[3]);
+inline Float4 sums(const Float8* v) {
+    const Float4 a = v[0].low + v[0].high, b = v[1].low + v[1].high;
+    const Float4 c = v[2].low + v[2].high, d = v[3].low + v[3].high;
     const Float4 ab =
         __builtin_shufflevector(a, b, 0, 4, 1, 5) + __builtin_shufflevector(a, b, 2, 6, 3, 7);
     const Float4 cd =
         __builtin_shufflevector(c, d, 0, 4, 1, 5) + __builtin_shufflevector(c, d, 2, 6, 3, 7);
-    const Float4 all =
-        __builtin_shufflevector(ab, cd, 0, 1, 4, 5) + __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
-    return {all[0], all[1], all[2], all[3]};
+    return __builtin_shufflevector(ab, cd, 0, 1, 4, 5) +
+           __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
+}
+#endif
+
+/// Four colours, `low` and the sums of their three channels' lanes.
+inline void store_colours(const Float8 (&channels)[3][4], const std::array<float, 3>& low,
+                          std::array<float, 3>* colours) {
+    const Float4 r = low[0] + sums(channels[0]), g = low[1] + sums(channels[1]),
+                 b = low[2] + sums(channels[2]);
+    const Float4 rg = __builtin_shufflevector(r, g, 0, 4, 1, 5);             // r0 g0 r1 g1
+    const Float4 rg_next = __builtin_shufflevector(r, g, 2, 6, 3, 7);        // r2 g2 r3 g3
+    const Float4 bg = __builtin_shufflevector(rg, b, 3, 5, 3, 5);            // g1 b1
+    const Float4 first = __builtin_shufflevector(rg, b, 0, 1, 4, 2);         // r0 g0 b0 r1
+    const Float4 second = __builtin_shufflevector(bg, rg_next, 0, 1, 4, 5);  // g1 b1 r2 g2
+    const Float4 third = __builtin_shufflevector(rg_next, b, 6, 2, 3, 7);    // b2 r3 g3 b3
+    std::memcpy(colours->data(), &first, sizeof first);
+    std::memcpy(colours->data() + 4, &second, sizeof second);
+    std::memcpy(colours->data() + 8, &third, sizeof third);
 }
 #else
 struct Float8 {
     std::array<float, kLanes> v{};
-    Float8& operator+=(const Float8& other) {
-        for (std::size_t i = 0; i < kLanes; ++i) v[i] += other.v[i];
-        return *this;
-    }
-    friend Float8 operator*(const Float8& a, const Float8& b) {
-        Float8 product;
-        for (std::size_t i = 0; i < kLanes; ++i) product.v[i] = a.v[i] * b.v[i];
-        return product;
-    }
 };
+
+inline Float8 first_lane(float value) {
+    return {{value}};
+}
+
+inline void multiply_add(const Float8& a, const Float8& b, Float8& sum) {
+    for (std::size_t i = 0; i < kLanes; ++i) sum.v[i] += a.v[i] * b.v[i];
+}
+
 template <class T>
 inline Float8 load8(const T* from) {
     Float8 loaded;
     for (std::size_t i = 0; i < kLanes; ++i) loaded.v[i] = to_float(from[i]);
     return loaded;
 }
-inline std::array<float, 4> sums(const Float8* v) {
-    std::array<float, 4> result;
-    for (std::size_t k = 0; k < 4; ++k) {
-        const std::array<float, kLanes>& x = v[k].v;
-        result[k] = ((x[0] + x[4]) + (x[2] + x[6])) + ((x[1] + x[5]) + (x[3] + x[7]));
-    }
-    return result;
+
+/// Four colours, `low` and the sums of their three channels' lanes.
+inline void store_colours(const Float8 (&channels)[3][4], const std::array<float, 3>& low,
+                          std::array<float, 3>* colours) {
+    for (std::size_t k = 0; k < 4; ++k)
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::array<float, kLanes>& x = channels[c][k].v;
+            colours[k][c] =
+                low[c] + (((x[0] + x[4]) + (x[2] + x[6])) + ((x[1] + x[5]) + (x[3] + x[7])));
+        }
 }
 #endif
 

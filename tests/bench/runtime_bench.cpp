@@ -86,7 +86,7 @@ void report(benchmark::State& state, const Transport& transport) {
 void shade(benchmark::State& state, const std::string& encoding) {
     const Transport transport = make(encoding, static_cast<std::size_t>(state.range(0)));
     std::vector<Rgb> out(transport.view.vertex_count);
-    std::vector<Rgb> projected(kClusters * (1 + kWeights));
+    std::vector<float> projected(projected_size(transport.view.basis));
     for (auto _ : state) {
         if (encoding == "cpca") {
             project_light(transport.view.basis, transport.lighting(), projected);

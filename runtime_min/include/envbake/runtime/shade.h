@@ -51,15 +51,18 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
 void diffuse_exit(const WaveletTransportView& transport, std::span<const wavelet::Term> terms,
                   std::uint64_t first, std::span<Rgb> out) noexcept;
 
-/// What every basis row of the clusters sends under a light: [cluster_count, 1 + weight_count],
-/// once a light for all meshes. Does nothing where `out` has another size.
+/// How many numbers project_light() makes.
+[[nodiscard]] std::size_t projected_size(const ClusterBasisView& basis) noexcept;
+
+/// What every basis row of the clusters sends under a light, in the order that diffuse_exit() reads
+/// it in: once a light for all meshes. Does nothing where `projected` has not projected_size().
 void project_light(const ClusterBasisView& basis, const ShLightingView& lighting,
-                   std::span<Rgb> out) noexcept;
+                   std::span<float> projected) noexcept;
 
 /// diffuse_exit() of clustered transport by the result of project_light(): n multiply-adds a vertex
 /// and channel, whatever the number of bands. 0 where transport is not clustered, or `projected`
 /// has another size.
-void diffuse_exit(const TransportView& transport, std::span<const Rgb> projected,
+void diffuse_exit(const TransportView& transport, std::span<const float> projected,
                   std::uint64_t first, std::span<Rgb> out) noexcept;
 
 /// Prefiltered radiance seen along `direction` (any length but 0) by a lobe of a roughness. For
