@@ -60,7 +60,9 @@ fs::path beside(const fs::path& image, const char* kind) {
 }
 
 Error not_an_image_name(const fs::path& file) {
-    return {Errc::Usage, concat(file.string(), ": the name must end in .png or .exr")};
+    return {Errc::Usage, concat(file.string(),
+                                ": the name must end in .png or .exr, or for a turntable in "
+                                ".gif")};
 }
 
 Expected<void> write_display(const fs::path& file, const DisplayPicture& picture) {
@@ -91,9 +93,14 @@ fs::path numbered(const fs::path& image, int k) {
                   (std::string(4 - std::min<std::size_t>(4, digits.size()), '0') + digits).c_str());
 }
 
+/// Whether the turntable is one animated picture.
+bool animated(const RenderOptions& options) {
+    return options.turntable > 0 && options.output.extension() == ".gif";
+}
+
 /// The pictures that the command writes.
 std::vector<fs::path> outputs_of(const RenderOptions& options) {
-    if (options.turntable > 0) {
+    if (options.turntable > 0 && !animated(options)) {
         std::vector<fs::path> outputs;
         for (int k = 0; k < options.turntable; ++k) outputs.push_back(numbered(options.output, k));
         return outputs;
@@ -131,7 +138,8 @@ Expected<void> require_in_range(const char* option, const std::optional<double>&
 /// Everything that can be refused before a file is read.
 Expected<void> check_options(const RenderOptions& options) {
     const std::string extension = options.output.extension().string();
-    if (extension != ".png" && extension != ".exr") return not_an_image_name(options.output);
+    if (extension != ".png" && extension != ".exr" && !animated(options))
+        return not_an_image_name(options.output);
     if (options.reference && options.environment.empty())
         return Error{Errc::Usage,
                      "--reference needs the environment that the bundle was baked from: --env"};
@@ -249,8 +257,10 @@ Expected<void> render_turntable(const RenderOptions& options, const Scene& scene
                                 const Tracer& tracer, const runtime::Bundle& bundle,
                                 const Camera& camera, const PreviewOptions& preview_options,
                                 Progress& progress) {
+    constexpr int kFramesPerSecond = 10;
     std::optional<double> exposure;
     if (options.exposure) exposure = std::exp2(*options.exposure);
+    std::vector<std::uint8_t> frames;  // of the animated picture
     for (int k = 0; k < options.turntable; ++k) {
         const double angle = 2 * std::numbers::pi * k / options.turntable;
         Camera orbiting = camera;
@@ -261,9 +271,16 @@ Expected<void> render_turntable(const RenderOptions& options, const Scene& scene
         ENVBAKE_TRY(const Picture picture,
                     render_preview(scene, tracer, bundle, orbiting, turned, progress));
         if (!exposure) exposure = auto_exposure(picture);  // the same for all: no flicker
-        ENVBAKE_TRY_VOID(write_picture(numbered(options.output, k), picture, *exposure));
+        if (animated(options)) {
+            const DisplayPicture frame = tone_map(picture, *exposure);
+            frames.insert(frames.end(), frame.rgb.begin(), frame.rgb.end());
+        } else {
+            ENVBAKE_TRY_VOID(write_picture(numbered(options.output, k), picture, *exposure));
+        }
     }
-    return {};
+    if (!animated(options)) return {};
+    return write_gif(options.output, camera.width, camera.height, options.turntable,
+                     kFramesPerSecond, frames);
 }
 
 Expected<void> render(const RenderOptions& options, std::ostream& out, std::ostream& err) {
@@ -339,7 +356,7 @@ RunCommand declare_render(CLI::App& app) {
     app.add_option("scene", options->scene, "The scene it was baked from (.glb, .gltf)")
         ->required();
     app.add_option("-o,--output", options->output,
-                   "Picture to write: .png tone-mapped, .exr linear")
+                   "Picture to write: .png tone-mapped, .exr linear; .gif a turntable that moves")
         ->required();
     app.add_option("--camera", options->camera,
                    "Camera position X,Y,Z in metres; default: frames the scene")
@@ -367,8 +384,8 @@ RunCommand declare_render(CLI::App& app) {
         ->capture_default_str();
     CLI::Option* turntable =
         app.add_option("--turntable", options->turntable,
-                       "Write N pictures, IMAGE.0000 and on: the scene turns once before the "
-                       "camera, the light stays")
+                       "Write N pictures, IMAGE.0000 and on, or N frames of a .gif: the scene "
+                       "turns once before the camera, the light stays")
             ->check(CLI::Range(1, 9999));
     app.add_flag("--white", options->white,
                  "White paper in place of every material: the diffuse part alone");

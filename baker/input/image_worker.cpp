@@ -316,7 +316,7 @@ File open_temporary(const fs::path& target, fs::path& temporary) {
     return File();
 }
 
-Expected<void> encode(worker::Task task, const fs::path& target, int width, int height,
+Expected<void> encode(const worker::Request& request, const fs::path& target,
                       std::span<const std::byte> pixels) {
     const auto cannot = [&](const std::string& why) {
         return failed(concat(target.string(), ": cannot be written: ", why));
@@ -328,8 +328,7 @@ Expected<void> encode(worker::Task task, const fs::path& target, int width, int 
     if (!output) return cannot(system_message(errno));
 
     const ImageLimits limits{.seconds = 600};
-    const auto reply = ask({.task = task, .width = width, .height = height}, input.get(),
-                           output.get(), limits.seconds);
+    const auto reply = ask(request, input.get(), output.get(), limits.seconds);
     std::string why = reply ? complaint(*reply, limits) : std::string();
     if (reply && why.empty()) {
         if (fsync(output.get()) == 0 && rename(temporary.c_str(), target.c_str()) == 0) return {};
@@ -436,11 +435,23 @@ Expected<Image> decode_image(std::span<const std::byte> encoded, const std::stri
 
 Expected<void> write_png(const fs::path& file, int width, int height,
                          std::span<const std::uint8_t> rgb) {
-    return encode(worker::Task::EncodePng, file, width, height, std::as_bytes(rgb));
+    return encode({.task = worker::Task::EncodePng, .width = width, .height = height}, file,
+                  std::as_bytes(rgb));
+}
+
+Expected<void> write_gif(const fs::path& file, int width, int height, int frames,
+                         int frames_per_second, std::span<const std::uint8_t> rgb) {
+    return encode({.task = worker::Task::EncodeGif,
+                   .width = width,
+                   .height = height,
+                   .frames = frames,
+                   .frames_per_second = frames_per_second},
+                  file, std::as_bytes(rgb));
 }
 
 Expected<void> write_exr(const fs::path& file, int width, int height, std::span<const float> rgb) {
-    return encode(worker::Task::EncodeExr, file, width, height, std::as_bytes(rgb));
+    return encode({.task = worker::Task::EncodeExr, .width = width, .height = height}, file,
+                  std::as_bytes(rgb));
 }
 
 void start_image_worker() {

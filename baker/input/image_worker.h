@@ -102,6 +102,11 @@ Expected<Image> decode_image(std::span<const std::byte> encoded, const std::stri
 Expected<void> write_png(const std::filesystem::path& file, int width, int height,
                          std::span<const std::uint8_t> rgb);
 
+/// Writes `frames` pictures, one after the other in `rgb`, as an animated GIF that runs for ever:
+/// 256 colours a frame. Else as write_png.
+Expected<void> write_gif(const std::filesystem::path& file, int width, int height, int frames,
+                         int frames_per_second, std::span<const std::uint8_t> rgb);
+
 /// Writes a float RGB OpenEXR file, ZIP-compressed: every bit pattern comes back. Else as
 /// write_png.
 Expected<void> write_exr(const std::filesystem::path& file, int width, int height,

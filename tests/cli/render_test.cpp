@@ -155,6 +155,23 @@ TEST_F(Render, ATurntableEndsWhereItBegan) {
     EXPECT_EQ(bytes("x.png"), bytes("x.0000.png"));
 }
 
+TEST_F(Render, ATurntableMovesInAGif) {
+    const fs::path gif = folder_ / "turn.gif";
+    const Outcome outcome = render(gif.string(), {"--turntable=3"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    std::ifstream file(gif, std::ios::binary);
+    const std::string bytes(std::istreambuf_iterator<char>(file), {});
+    EXPECT_EQ(bytes.substr(0, 10), std::string("GIF89a\x18\0\x10\0", 10));
+    EXPECT_NE(bytes.find("NETSCAPE2.0"), std::string::npos);  // runs for ever
+    const std::string control("\x21\xf9\x04", 3);             // before every frame
+    std::size_t frames = 0;
+    for (std::size_t at = bytes.find(control); at != std::string::npos;
+         at = bytes.find(control, at + 1))
+        ++frames;
+    EXPECT_EQ(frames, 3u);
+    expect_refused(render(gif.string(), {}), 2, ".gif");
+}
+
 TEST_F(Render, TurningOptionsAreChecked) {
     for (const char* degrees : {"nan", "inf", "361", "-1e9"})
         expect_refused(render({std::string("--rotate-light=") + degrees}), 2, "--rotate-light");

@@ -56,6 +56,8 @@ struct OiioCodecs {
     /// PNG and JPEG to 8-bit RGBA as stored: alpha not multiplied in, no colour conversion.
     void (*decode_rgba8)(Bytes file, Reply& reply, const AllocatePixels& allocate);
     std::vector<unsigned char> (*encode_png)(int width, int height, Bytes rgb);
+    std::vector<unsigned char> (*encode_gif)(int width, int height, int frames,
+                                             int frames_per_second, Bytes rgb);
 };
 inline constexpr const char* kOiioModule = "envbake-image-worker-oiio.so";  ///< beside the worker
 inline constexpr const char* kOiioSymbol = "envbake_oiio_codecs";

@@ -109,7 +109,7 @@ void write_all(int file, const std::vector<unsigned char>& bytes) {
 const OiioCodecs* oiio = nullptr;
 
 bool needs_oiio(Task task) {
-    return task == Task::DecodeRgba8 || task == Task::EncodePng;
+    return task == Task::DecodeRgba8 || task == Task::EncodePng || task == Task::EncodeGif;
 }
 
 /// Throws what the dynamic linker says.
@@ -137,8 +137,10 @@ void run(const Request& request, int input, int output, Reply& reply) {
     };
     const auto check_pixels = [&](std::size_t bytes_per_texel) {
         check_size(request.width, request.height);
-        if (file.size() != static_cast<std::size_t>(request.width) *
-                               static_cast<std::size_t>(request.height) * bytes_per_texel) {
+        if (request.frames < 1 ||
+            file.size() / bytes_per_texel != static_cast<std::size_t>(request.width) *
+                                                 static_cast<std::size_t>(request.height) *
+                                                 static_cast<std::size_t>(request.frames)) {
             throw Refusal("its pixels do not fill it");
         }
     };
@@ -155,6 +157,10 @@ void run(const Request& request, int input, int output, Reply& reply) {
         case Task::EncodePng:
             check_pixels(3);
             return write_all(output, oiio->encode_png(request.width, request.height, file));
+        case Task::EncodeGif:
+            check_pixels(3);
+            return write_all(output, oiio->encode_gif(request.width, request.height, request.frames,
+                                                      request.frames_per_second, file));
         case Task::EncodeExr:
             check_pixels(3 * sizeof(float));
             return write_all(output, encode_exr(request.width, request.height, file));

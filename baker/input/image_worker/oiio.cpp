@@ -5,8 +5,10 @@
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace envbake::worker {
 namespace {
@@ -90,9 +92,32 @@ std::vector<unsigned char> encode_png(int width, int height, Bytes rgb) {
     return writer.buffer();
 }
 
+std::vector<unsigned char> encode_gif(int width, int height, int frames, int frames_per_second,
+                                      Bytes rgb) {
+    const auto output = OIIO::ImageOutput::create("gif");
+    if (!output) throw Refusal("OpenImageIO lacks the format gif");
+    OIIO::Filesystem::IOVecOutput writer;
+    OIIO::Filesystem::IOProxy* proxy = &writer;
+    OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
+    const std::array<int, 2> rate{frames_per_second, 1};
+    spec.attribute("FramesPerSecond", OIIO::TypeRational, rate.data());
+    spec.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
+    const std::vector<OIIO::ImageSpec> specs(static_cast<std::size_t>(frames), spec);
+    const std::size_t frame_size = rgb.size() / specs.size();
+    bool done = output->open("image.gif", frames, specs.data());
+    for (std::size_t k = 0; done && k < specs.size(); ++k) {
+        if (k > 0) done = output->open("image.gif", spec, OIIO::ImageOutput::AppendSubimage);
+        done = done && output->write_image(OIIO::TypeDesc::UINT8, rgb.data() + k * frame_size);
+    }
+    if (!done || !output->close()) throw Refusal(output->geterror());
+    return writer.buffer();
+}
+
 }  // namespace
 }  // namespace envbake::worker
 
 // The name is that of kOiioSymbol.
 extern "C" const envbake::worker::OiioCodecs envbake_oiio_codecs{
-    .decode_rgba8 = envbake::worker::decode_rgba8, .encode_png = envbake::worker::encode_png};
+    .decode_rgba8 = envbake::worker::decode_rgba8,
+    .encode_png = envbake::worker::encode_png,
+    .encode_gif = envbake::worker::encode_gif};

@@ -14,6 +14,7 @@
 ///     DecodeFloat  the image file                  a memory file, left with 3 floats a texel
 ///     DecodeRgba8  the image file                  a memory file, left with 4 bytes a texel
 ///     EncodePng    3 bytes a texel                 the file to write
+///     EncodeGif    frames of 3 bytes a texel       the file to write
 ///     EncodeExr    3 floats a texel                the file to write
 ///
 /// Both ends are built together and run on one machine: structs go as they lie in memory.
@@ -26,13 +27,15 @@ inline constexpr int kSocket = 3;                    ///< the worker's end, as i
 inline constexpr int kMaxEdge = 1 << 16;
 inline constexpr std::int64_t kMaxTexels = std::int64_t{1} << 28;
 
-enum class Task : std::uint32_t { DecodeFloat, DecodeRgba8, EncodePng, EncodeExr };
+enum class Task : std::uint32_t { DecodeFloat, DecodeRgba8, EncodePng, EncodeGif, EncodeExr };
 
 struct Request {
     std::uint32_t magic = kMagic;
     Task task = Task::DecodeFloat;
-    std::int32_t width = 0;   ///< Encode only
-    std::int32_t height = 0;  ///< Encode only
+    std::int32_t width = 0;              ///< Encode only
+    std::int32_t height = 0;             ///< Encode only
+    std::int32_t frames = 1;             ///< EncodeGif only
+    std::int32_t frames_per_second = 0;  ///< EncodeGif only
     std::int32_t threads = 1;
     std::int32_t milliseconds = 0;  ///< wall time that the child may take
 };
