@@ -25,4 +25,5 @@ for degrees in 0 90 180 270; do
     rm "$folder"/metal_"$degrees"*.difference.png "$folder/metal_${degrees}_split.reference.png"
     echo "| $degrees | $glossy | $split |"
 done
+"$envbake" render "$bundle" "$scene" --size 280x210 --fov 44 --exposure -0.5 --turntable 24 --quiet -o "$folder/turntable.gif"
 rm "$scene" "$bundle"
