@@ -170,6 +170,62 @@ TEST(Glossy, ReflectedLightIsTheMatricesTimesIt) {
     }
 }
 
+/// Row F1: a Phong lobe about the mirrored view multiplies degree l by its moment, and a mirror
+/// about the normal negates odd orders. The reflected light is the lobe's integral over the light
+/// itself.
+TEST(Glossy, PhongLobeReflectsByItsMoments) {
+    constexpr int kBands = 5;
+    const std::vector<std::pair<int, std::vector<double>>> table{
+        {1, {1, 0.666666666667, 0.25, 0, -0.0416666666667}},
+        {8, {1, 0.9, 0.727272727273, 0.525, 0.335664335664}},
+        {32, {1, 0.970588235294, 0.914285714286, 0.835784313725, 0.741312741313}}};
+    for (const auto& [exponent, moments] : table) {
+        Content c(kBands, kBands);
+        c.normal = {0.48f, -0.6f, 0.64f};
+        c.see_everything();
+        for (int l = 0; l < kBands; ++l)
+            for (int m = 0; m <= l; ++m)
+                c.unoccluded[lobe_slot(kBands, kBands, m, l, l)] = static_cast<float>(
+                    (m % 2 == 0 ? 1 : -1) * moments[static_cast<std::size_t>(l)]);
+        const std::vector<float> coeffs = random_light(kBands, 4);
+        const GlossyLight lighting({kBands, coeffs}, kBands);
+        const GlossyExit out = reflect(c.lobe(), lighting.transfer(c.mesh(), 0), 0.25f, {1, 1, 1});
+        for (const Vec3& v : {Vec3{0.48f, -0.6f, 0.64f}, Vec3{0, 0, 1}, Vec3{0.8f, 0, 0.6f}}) {
+            // The mirrored view and two directions across it.
+            double n_dot_v = 0, r[3], t[3], b[3];
+            for (std::size_t a = 0; a < 3; ++a) n_dot_v += double{c.normal[a]} * double{v[a]};
+            for (std::size_t a = 0; a < 3; ++a)
+                r[a] = 2 * n_dot_v * double{c.normal[a]} - double{v[a]};
+            const double across = std::hypot(r[0], r[1]);
+            if (across > 0) {
+                t[0] = -r[1] / across, t[1] = r[0] / across, t[2] = 0;
+            } else {
+                t[0] = 1, t[1] = t[2] = 0;
+            }
+            for (std::size_t a = 0; a < 3; ++a)
+                b[a] = r[(a + 1) % 3] * t[(a + 2) % 3] - r[(a + 2) % 3] * t[(a + 1) % 3];
+            double expected = 0;
+            constexpr int kRings = 4000, kOnRing = 12;
+            for (int i = 0; i < kRings; ++i) {
+                const double z = (i + 0.5) / kRings, s = std::sqrt(1 - z * z);
+                const double weight =
+                    (exponent + 1) / (2 * pi) * std::pow(z, exponent) * 2 * pi / (kRings * kOnRing);
+                for (int k = 0; k < kOnRing; ++k) {
+                    const double x = s * std::cos(2 * pi * k / kOnRing),
+                                 y = s * std::sin(2 * pi * k / kOnRing);
+                    double basis[kBands * kBands];
+                    sh::evaluate(kBands, x * t[0] + y * b[0] + z * r[0],
+                                 x * t[1] + y * b[1] + z * r[1], x * t[2] + y * b[2] + z * r[2],
+                                 basis);
+                    for (std::size_t j = 0; j < kBands * kBands; ++j)
+                        expected += weight * basis[j] * double{coeffs[3 * j]};
+                }
+            }
+            EXPECT_NEAR(out.radiance(v)[0], expected, 1e-4) << exponent;
+        }
+    }
+}
+
 /// Turn vertex, light and eye alike: nothing changes. Ten bands can be turned, so four of lighting.
 TEST(Glossy, NothingDependsOnTheFrame) {
     Content c(5, 4);
