@@ -5,6 +5,7 @@
 #include "baker/pipeline/bake.h"
 #include "baker/pipeline/encode_transport.h"
 #include "baker/pipeline/metadata.h"
+#include "baker/pipeline/older_bundle.h"
 #include "baker/pipeline/self_test.h"
 #include "baker/pipeline/wavelet_stage.h"
 
@@ -26,14 +27,20 @@ auto& lobe_of(Lobes& lobes, runtime::Distribution distribution) {
 }
 
 /// Runs one plan; holds what its stages share. Its stages stand by subject in run_lighting.cpp,
-/// run_transport.cpp, run_encoding.cpp, run_wavelet.cpp and run_self_test.cpp.
+/// run_transport.cpp, run_encoding.cpp, run_wavelet.cpp and run_self_test.cpp; what is not baked
+/// again in run_kept.cpp.
 class Run {
   public:
-    Run(const BakeRequest& request, const BakeInputs& inputs, format::Writer& writer,
-        Progress& progress);
+    Run(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
+        format::Writer& writer, Progress& progress);
 
-    /// Returns what fell short of the tolerance.
-    Expected<std::vector<std::string>> execute(const BakePlan& plan);
+    /// Keeps the stages that an older bundle has with the same key: execute() will copy their
+    /// arrays. What else a stage leaves, for the report and for the self-test, is read back now.
+    ///
+    /// Errors:  InvalidBundle  the older bundle is not what it says: this run is of no use any more
+    Expected<void> take_over(const OlderBundle& older);
+
+    Expected<BakeOutcome> execute();
 
   private:
     /// Arrays whose error in a relative norm is above the tolerance that was asked for. The table
@@ -41,18 +48,19 @@ class Run {
     /// whole: its error is an rms, and that of a small mesh is as often above as below.
     std::vector<std::string> shortfalls() const;
     Expected<void> require_finite(std::span<const float> values) const;
-    Error output_error(const format::Error& e) const;
     format::Codec codec() const {
         return request_.compress ? format::Codec::Zstd : format::Codec::None;
     }
     template <class T>
     Expected<void> add(std::string name, std::vector<std::uint64_t> shape,
                        std::span<const T> elements, format::Codec array_codec) {
-        if (auto done = writer_.add<T>(std::move(name), std::move(shape), elements, array_codec);
-            !done)
-            return output_error(done.error());
-        return {};
+        written_.push_back(name);
+        return checked(writer_.add<T>(std::move(name), std::move(shape), elements, array_codec));
     }
+    Expected<void> begin(const format::ArraySpec& spec);
+    Expected<void> append(std::span<const std::byte> bytes);
+    Expected<void> end();
+    Expected<void> checked(const format::Expected<void>& done) const;
 
     Expected<void> bake(const std::string& output, const PlannedLights&);
     /// The lighting to be stored, cut to the planned bands and damped.
@@ -63,6 +71,8 @@ class Run {
                          std::vector<StoredArrays::Mip>& stored_mips);
     Expected<void> bake(const std::string& output, const PlannedTable& planned);
     Expected<void> bake(const std::string& output, const PlannedLobe& planned);
+    /// For the report and the self-test.
+    void note(const LobeExpansionJob& job, const LobeExpansion& lobe);
 
     Expected<void> bake(const std::string& output, const PlannedGlossy& glossy);
     /// Transport that came with the glossy one.
@@ -82,7 +92,7 @@ class Run {
                                   const std::function<Expected<void>(std::span<const float>)>& sink,
                                   BlockedRays* blocked = nullptr);
     /// One bar for the transport of all meshes, once the first of them begins.
-    void announce_transport(const BakePlan& plan);
+    void announce_transport();
 
     /// Bakes transport into the store, for its encoding.
     Expected<void> keep_on_disk(const std::string& output, const PlannedDiffuse& diffuse);
@@ -102,18 +112,40 @@ class Run {
 
     /// A few vertices spread evenly over all the baked meshes, two thirds of the way into each
     /// stretch.
-    void choose_self_test_vertices(const BakePlan& plan);
+    void choose_self_test_vertices();
     /// A few vertices of the first meshes.
     void choose_glossy_vertices(std::size_t mesh);
+    void keep_self_test_normals(std::size_t mesh, std::span<const float> normals);
     void keep_self_test_rows(std::size_t mesh, std::uint64_t first_vertex,
                              std::span<const float> rows, std::uint64_t row_size,
                              std::span<const float> emitted = {});
     Expected<void> write_self_test();
 
+    // What bake() would have left behind beside arrays, of stages that are kept.
+    Expected<void> read_back(const std::string&, const PlannedLights&) { return {}; }
+    Expected<void> read_back(const std::string&, const PlannedSh&) { return {}; }
+    Expected<void> read_back(const std::string& output, const PlannedMips& mips);
+    Expected<void> read_back(const std::string& output, const PlannedTable& planned);
+    Expected<void> read_back(const std::string& output, const PlannedLobe& planned);
+    Expected<void> read_back(const std::string& output, const PlannedGlossy& glossy);
+    Expected<void> read_back(const std::string& output, const PlannedDiffuse& diffuse);
+    Expected<void> read_back(const std::string&, const PlannedBounces&);
+    Expected<void> read_back(const std::string&, const PlannedEmitted&) { return {}; }
+    Expected<void> read_back(const std::string&, const PlannedEncoding&);
+    Expected<void> read_back(const std::string&, const PlannedWavelet& planned);
+    Expected<void> read_back(const std::string& output, const PlannedWaveletWeights& planned);
+    Expected<void> read_back(const std::string&, const PlannedWaveletLight&);
+    const Json& older_mesh(std::size_t mesh) const;
+    Expected<void> copy_arrays(std::span<const std::string> names);
+
     const BakeRequest& request_;
     const BakeInputs& inputs_;
+    const BakePlan& plan_;
     format::Writer& writer_;
     Progress& progress_;
+    const OlderBundle* older_ = nullptr;
+    std::vector<bool> kept_;            ///< one a stage
+    std::vector<std::string> written_;  ///< arrays, since the stage began
     std::optional<Tracer> tracer_;
     /// Rows of a mesh in the store.
     struct OnDisk {

@@ -139,17 +139,14 @@ Expected<void> Run::write(const TransportPart& part, const EncodedPart& encoded,
         shape.pop_back();
     }
     shape.insert(shape.begin(), vertices);
-    if (auto begun = writer_.begin({output, element_type(encoded.encoding), shape, codec()});
-        !begun)
-        return output_error(begun.error());
+    ENVBAKE_TRY_VOID(begin({output, element_type(encoded.encoding), shape, codec()}));
     constexpr std::size_t kRowsAtOnce = 4096;
     for (std::size_t at = 0; at < part.rows.size(); at += kRowsAtOnce * row_size) {
         const auto rows =
             part.rows.subspan(at, std::min(kRowsAtOnce * row_size, part.rows.size() - at));
-        if (auto done = writer_.append(encode_rows(encoded.code, rows)); !done)
-            return output_error(done.error());
+        ENVBAKE_TRY_VOID(append(encode_rows(encoded.code, rows)));
     }
-    if (auto ended = writer_.end(); !ended) return output_error(ended.error());
+    ENVBAKE_TRY_VOID(end());
     return {};
 }
 

@@ -123,6 +123,13 @@ Expected<void> Run::bake(const std::string& output, const PlannedLobe& planned) 
         return add<float>(concat(output, part), {rows, 2, values.size() / (2 * rows)}, values,
                           format::Codec::None);
     };
+    ENVBAKE_TRY_VOID(store("/unoccluded", lobe.unoccluded));
+    ENVBAKE_TRY_VOID(store("/kernel", lobe.kernel));
+    note(job, lobe);
+    return {};
+}
+
+void Run::note(const LobeExpansionJob& job, const LobeExpansion& lobe) {
     const bool ggx = job.distribution == runtime::Distribution::Ggx;
     (ggx ? report_.ggx_lobe : report_.beckmann_lobe) = {job, lobe.rows};
     StoredArrays::Lobe& stored = lobe_of(stored_, job.distribution);
@@ -132,8 +139,6 @@ Expected<void> Run::bake(const std::string& output, const PlannedLobe& planned) 
     stored_.exit_bands = job.exit_bands;
     stored_.light_bands = job.light_bands;
     std::copy(std::begin(job.roughness), std::end(job.roughness), stored_.lobe_roughness);
-    ENVBAKE_TRY_VOID(store("/unoccluded", lobe.unoccluded));
-    return store("/kernel", lobe.kernel);
 }
 
 }  // namespace envbake

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/core/text.h"
 #include "baker/pipeline/run.h"
+#include "baker/pipeline/stage_key.h"
 
 #include <cmath>
 #include <new>
@@ -8,9 +9,25 @@
 
 namespace envbake {
 
-Run::Run(const BakeRequest& request, const BakeInputs& inputs, format::Writer& writer,
-         Progress& progress)
-    : request_(request), inputs_(inputs), writer_(writer), progress_(progress) {
+Run::Run(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
+         format::Writer& writer, Progress& progress)
+    : request_(request),
+      inputs_(inputs),
+      plan_(plan),
+      writer_(writer),
+      progress_(progress),
+      kept_(plan.stages.size(), false) {
+    for (const std::string& key : stage_keys(request, inputs, plan))
+        report_.stages.push_back({key, {}});
+    choose_self_test_vertices();
+    for (const PlannedStage& stage : plan.stages) {
+        if (!stage.job) continue;
+        if (const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job))
+            choose_glossy_vertices(glossy->mesh);
+        if (const auto* bounces = std::get_if<PlannedBounces>(&*stage.job))
+            bounce_channels_ = bounces->job.channels;
+        encoded_ = encoded_ || std::holds_alternative<PlannedEncoding>(*stage.job);
+    }
     if (!inputs.scene) return;
     const std::size_t meshes = inputs.scene->meshes.size();
     report_.diffuse.resize(meshes);
@@ -19,30 +36,30 @@ Run::Run(const BakeRequest& request, const BakeInputs& inputs, format::Writer& w
     blocked_.resize(meshes);
 }
 
-Expected<std::vector<std::string>> Run::execute(const BakePlan& plan) {
-    choose_self_test_vertices(plan);
-    for (const PlannedStage& stage : plan.stages)
-        if (stage.job) {
-            if (const auto* bounces = std::get_if<PlannedBounces>(&*stage.job))
-                bounce_channels_ = bounces->job.channels;
-            encoded_ = encoded_ || std::holds_alternative<PlannedEncoding>(*stage.job);
-        }
+Expected<BakeOutcome> Run::execute() {
     bool transport_announced = false;
-    for (const PlannedStage& stage : plan.stages) {
+    for (std::size_t i = 0; i < plan_.stages.size(); ++i) {
+        const PlannedStage& stage = plan_.stages[i];
         if (!stage.job) continue;
+        if (kept_[i]) {
+            ENVBAKE_TRY_VOID(copy_arrays(report_.stages[i].arrays));
+            continue;
+        }
         const bool traces = std::holds_alternative<PlannedDiffuse>(*stage.job) ||
                             std::holds_alternative<PlannedGlossy>(*stage.job);
-        if (traces && !std::exchange(transport_announced, true)) announce_transport(plan);
+        if (traces && !std::exchange(transport_announced, true)) announce_transport();
+        written_.clear();
         ENVBAKE_TRY_VOID(
             std::visit([&](const auto& job) { return bake(stage.output, job); }, *stage.job));
+        report_.stages[i].arrays = written_;
     }
     ENVBAKE_TRY_VOID(write_self_test());
-    const std::string metadata = to_text(metadata_json(request_, inputs_, plan, report_), 1);
+    const std::string metadata = to_text(metadata_json(request_, inputs_, plan_, report_), 1);
     ENVBAKE_TRY_VOID(
         add<std::uint8_t>(std::string(format::kMetadataName), {metadata.size()},
                           {reinterpret_cast<const std::uint8_t*>(metadata.data()), metadata.size()},
                           format::Codec::None));
-    return shortfalls();
+    return BakeOutcome{shortfalls(), kept_, tracer_.has_value()};
 }
 
 std::vector<std::string> Run::shortfalls() const {
@@ -53,14 +70,16 @@ std::vector<std::string> Run::shortfalls() const {
                                    format_number(request_.tolerance), " was asked for"));
     };
     for (const auto& [name, error] : report_.array_errors)
-        if (name.rfind("brdf/", 0) != 0 && name.rfind("mesh/", 0) != 0) judge(name, error.value);
-    if (report_.bounces) judge("mesh/*/emitted", report_.bounces->emitted_error_rms);
+        if (name.rfind("brdf/", 0) != 0 && name.rfind("mesh/", 0) != 0)
+            judge(name, rounded(error.value));
+    if (report_.bounces) judge("mesh/*/emitted", rounded(report_.bounces->emitted_error_rms));
     const auto judge_scene = [&](std::string_view name, const auto& of_meshes) {
         double square_sum = 0, vertex_count = 0;
         for (std::size_t m = 0; m < of_meshes.size(); ++m) {
             if (!of_meshes[m]) continue;
             const auto count = static_cast<double>(inputs_.scene->meshes[m].vertex_count());
-            square_sum += of_meshes[m]->error_rms * of_meshes[m]->error_rms * count;
+            const double rms = rounded(of_meshes[m]->error_rms);
+            square_sum += rms * rms * count;
             vertex_count += count;
         }
         if (vertex_count > 0) judge(name, std::sqrt(square_sum / vertex_count));
@@ -80,21 +99,42 @@ Expected<void> Run::require_finite(std::span<const float> values) const {
     return {};
 }
 
-Error Run::output_error(const format::Error& e) const {
-    return {Errc::Failed, concat(request_.output.string(), ": ", format::to_string(e))};
+Expected<void> Run::begin(const format::ArraySpec& spec) {
+    written_.push_back(spec.name);
+    return checked(writer_.begin(spec));
 }
 
-Expected<std::vector<std::string>> run_plan(const BakeRequest& request, const BakeInputs& inputs,
-                                            const BakePlan& plan, Progress& progress) try {
+Expected<void> Run::append(std::span<const std::byte> bytes) {
+    return checked(writer_.append(bytes));
+}
+
+Expected<void> Run::end() {
+    return checked(writer_.end());
+}
+
+Expected<void> Run::checked(const format::Expected<void>& done) const {
+    if (done) return {};
+    return Error{Errc::Failed,
+                 concat(request_.output.string(), ": ", format::to_string(done.error()))};
+}
+
+Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inputs,
+                               const BakePlan& plan, Older older, Progress& progress) try {
     auto writer = format::Writer::create(request.output.string());
     if (!writer)
         return Error{Errc::Failed,
                      concat(request.output.string(), ": ", format::to_string(writer.error()))};
-    ENVBAKE_TRY(auto shortfalls, Run(request, inputs, *writer, progress).execute(plan));
+    std::optional<OlderBundle> bundle;
+    if (older == Older::Keep) bundle = OlderBundle::open(request.output);
+    std::optional<Run> run;
+    run.emplace(request, inputs, plan, *writer, progress);
+    // Nothing is written yet: what turns out not to be what it says is baked over.
+    if (bundle && !run->take_over(*bundle)) run.emplace(request, inputs, plan, *writer, progress);
+    ENVBAKE_TRY(auto outcome, run->execute());
     if (auto finished = writer->finish(); !finished)
         return Error{Errc::Failed,
                      concat(request.output.string(), ": ", format::to_string(finished.error()))};
-    return shortfalls;
+    return outcome;
 } catch (const std::bad_alloc&) {
     return Error{Errc::Failed, "out of memory: bake a smaller scene, or fewer meshes at once"};
 }

@@ -7,11 +7,11 @@
 
 namespace envbake {
 
-void Run::choose_self_test_vertices(const BakePlan& plan) {
+void Run::choose_self_test_vertices() {
     constexpr std::uint64_t kCount = 32;
     std::uint64_t total = 0;
     std::vector<std::pair<std::size_t, std::uint64_t>> baked;  // mesh, vertices
-    for (const PlannedStage& stage : plan.stages) {
+    for (const PlannedStage& stage : plan_.stages) {
         const auto* diffuse = stage.job ? std::get_if<PlannedDiffuse>(&*stage.job) : nullptr;
         if (diffuse == nullptr || !diffuse->job.shadowed) continue;
         baked.emplace_back(diffuse->mesh, inputs_.scene->meshes[diffuse->mesh].vertex_count());
@@ -40,6 +40,13 @@ void Run::choose_glossy_vertices(std::size_t mesh) {
                  .vertex = static_cast<std::uint32_t>((3 * k + 2) * count / (3 * kEach) % count),
                  .visibility = {},
                  .transport = {}});
+}
+
+void Run::keep_self_test_normals(std::size_t mesh, std::span<const float> normals) {
+    for (StoredArrays::GlossyVertex& vertex : stored_.glossy_vertices)
+        if (vertex.mesh == mesh)
+            for (std::size_t c = 0; c < 3; ++c)
+                vertex.normal[static_cast<int>(c)] = normals[3 * std::size_t{vertex.vertex} + c];
 }
 
 void Run::keep_self_test_rows(std::size_t mesh, std::uint64_t first_vertex,

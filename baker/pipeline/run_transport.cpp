@@ -36,10 +36,10 @@ Expected<DiffuseReport> Run::trace(
                         blocked);
 }
 
-void Run::announce_transport(const BakePlan& plan) {
+void Run::announce_transport() {
     std::uint64_t total = 0;
-    for (const PlannedStage& stage : plan.stages)
-        if (stage.job) {
+    for (std::size_t i = 0; i < plan_.stages.size(); ++i)
+        if (const PlannedStage& stage = plan_.stages[i]; stage.job && !kept_[i]) {
             const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
             const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job);
             std::uint64_t vertices = 0;
@@ -62,12 +62,9 @@ Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy)
     // more than the tolerance.
     const bool half = request_.encoding != Encoding::F32;
     const auto type = half ? format::ElementType::F16 : format::ElementType::F32;
-    if (auto begun = writer_.begin({output, type, {mesh.vertex_count(), row_size}, codec()});
-        !begun)
-        return output_error(begun.error());
+    ENVBAKE_TRY_VOID(begin({output, type, {mesh.vertex_count(), row_size}, codec()}));
     std::vector<float>& kept = transport_[glossy.mesh].rows;
     if (glossy.with_diffuse) kept.reserve(mesh.vertex_count() * diffuse_size);
-    choose_glossy_vertices(glossy.mesh);
     double blocked_sum = 0, rounding_squares = 0;
     std::uint64_t first_vertex = 0;
     std::vector<format::Half> halves;
@@ -100,13 +97,11 @@ Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy)
                                         rows.begin() + static_cast<std::ptrdiff_t>(at + row_size));
         }
         first_vertex += rows.size() / row_size;
-        if (auto appended = writer_.append(stored); !appended)
-            return output_error(appended.error());
-        return {};
+        return append(stored);
     };
     ENVBAKE_TRY(const DiffuseReport rays, trace(glossy.job, glossy.mesh, sink,
                                                 glossy.bounces ? &blocked_[glossy.mesh] : nullptr));
-    if (auto ended = writer_.end(); !ended) return output_error(ended.error());
+    ENVBAKE_TRY_VOID(end());
 
     const LobeErrors& lobe = glossy.errors;
     const double blocked = std::max(
@@ -133,10 +128,7 @@ Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy)
             place == SurfacePoints::kNone ? DVec3(0) : glm::normalize(DVec3(mesh.normals[place]));
         for (int c = 0; c < 3; ++c) normals.push_back(static_cast<float>(normal[c]));
     }
-    for (auto& vertex : stored_.glossy_vertices)
-        if (vertex.mesh == glossy.mesh)
-            for (std::size_t c = 0; c < 3; ++c)
-                vertex.normal[static_cast<int>(c)] = normals[3 * std::size_t{vertex.vertex} + c];
+    keep_self_test_normals(glossy.mesh, normals);
     return add<float>(concat("mesh/", glossy.mesh, "/normal"), {mesh.vertex_count(), 3}, normals,
                       codec());
 }
@@ -168,20 +160,16 @@ Expected<void> Run::bake(const std::string& output, const PlannedDiffuse& diffus
     if (diffuse.from_glossy) return store_kept(output, diffuse);
     if (diffuse.bounces) return keep(diffuse);
     if (encoded_ && diffuse.job.shadowed) return keep_on_disk(output, diffuse);
-    if (auto begun = writer_.begin(
-            {output, format::ElementType::F32, {mesh.vertex_count(), coeffs}, codec()});
-        !begun)
-        return output_error(begun.error());
+    ENVBAKE_TRY_VOID(
+        begin({output, format::ElementType::F32, {mesh.vertex_count(), coeffs}, codec()}));
     std::uint64_t first_vertex = 0;
     const auto sink = [&](std::span<const float> rows) -> Expected<void> {
         if (diffuse.job.shadowed) keep_self_test_rows(diffuse.mesh, first_vertex, rows, coeffs);
         first_vertex += rows.size() / coeffs;
-        if (auto appended = writer_.append(std::as_bytes(rows)); !appended)
-            return output_error(appended.error());
-        return {};
+        return append(std::as_bytes(rows));
     };
     ENVBAKE_TRY(DiffuseReport report, trace(diffuse.job, diffuse.mesh, sink));
-    if (auto ended = writer_.end(); !ended) return output_error(ended.error());
+    ENVBAKE_TRY_VOID(end());
     report_.array_errors[output] = {report.error_rms,
                                     "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
     if (diffuse.job.shadowed) report_.diffuse[diffuse.mesh] = report;

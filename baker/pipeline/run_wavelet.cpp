@@ -18,20 +18,17 @@ Expected<void> Run::bake(const std::string& output, const PlannedWavelet& planne
     WaveletStage& stage = wavelet(planned.job);
     const std::uint64_t vertex_count = inputs_.scene->meshes[planned.mesh].vertex_count();
     // Never compressed: a reader takes a few runs out of each block.
-    if (auto begun =
-            writer_.begin({output + "/blocks", format::ElementType::U32, {format::kOpenEnded}, {}});
-        !begun)
-        return output_error(begun.error());
+    ENVBAKE_TRY_VOID(
+        begin({output + "/blocks", format::ElementType::U32, {format::kOpenEnded}, {}}));
     const auto sink = [&](std::span<const std::byte> bytes) -> Expected<void> {
-        if (auto appended = writer_.append(bytes); !appended) return output_error(appended.error());
-        return {};
+        return append(bytes);
     };
     progress_.begin("wavelet transport", "vertices", vertex_count);
     std::vector<std::uint32_t> offsets;
     ENVBAKE_TRY(const WaveletReport report,
                 bake_wavelet(planned.job, stage.cube(), *inputs_.scene, planned.mesh, *tracer_,
                              sink, offsets, stage.square_sums(), progress_));
-    if (auto ended = writer_.end(); !ended) return output_error(ended.error());
+    ENVBAKE_TRY_VOID(end());
     stage.add_mesh(planned.mesh, vertex_count);
     report_.wavelet->step = stage.step();
     report_.wavelet->meshes.emplace_back(planned.mesh, report);
@@ -44,6 +41,7 @@ Expected<void> Run::bake(const std::string& output, const PlannedWaveletWeights&
 }
 
 Expected<void> Run::bake(const std::string& output, const PlannedWaveletLight& planned) {
+    if (!report_.wavelet->meshes.empty()) ENVBAKE_TRY_VOID(build_tracer());
     const WaveletStage::Lighting lighting = wavelet_->choose_lighting(
         *inputs_.environment, planned.channels, wavelet_weights_,
         inputs_.scene ? &*inputs_.scene : nullptr, tracer_ ? &*tracer_ : nullptr);
