@@ -69,6 +69,18 @@ Expected<void> write_depfile(const BakeOptions& options, std::string_view conten
     return write_file(options.depfile, content);
 }
 
+void print_stages(const BakePlan& plan, const BakeOutcome& outcome, std::ostream& err) {
+    for (std::size_t i = 0; i < plan.stages.size(); ++i) {
+        const PlannedStage& stage = plan.stages[i];
+        err << "envbake: "
+            << (!stage.job        ? "skipped "
+                : outcome.kept[i] ? "kept "
+                                  : "baked ")
+            << stage.output << ": " << stage.reason << '\n';
+    }
+    if (!outcome.traced) err << "envbake: no ray was traced\n";
+}
+
 Expected<void> bake(const BakeOptions& options, std::ostream& err) {
     const BakeRequest& request = options.request;
     if (!options.force) {
@@ -91,18 +103,17 @@ Expected<void> bake(const BakeOptions& options, std::ostream& err) {
     if (inputs.scene) ENVBAKE_TRY_VOID(check_output(request.output, inputs.scene->files_read));
     ENVBAKE_TRY(const std::string depfile, depfile_content(options, files_read(inputs, request)));
     ENVBAKE_TRY(const BakePlan plan, make_plan(request, inputs.facts));
-    ENVBAKE_TRY(const auto shortfalls, run_plan(request, inputs, plan, progress));
+    ENVBAKE_TRY(
+        const BakeOutcome outcome,
+        run_plan(request, inputs, plan, options.force ? Older::Forget : Older::Keep, progress));
     printer.reset();
     if (!options.quiet) {
         print_notes(inputs, err);
-        for (const std::string& line : shortfalls)
+        for (const std::string& line : outcome.shortfalls)
             err << "envbake: " << printable(request.output.string()) << ": " << line << '\n';
     }
     ENVBAKE_TRY_VOID(write_depfile(options, depfile));
-    if (options.verbose)
-        for (const PlannedStage& stage : plan.stages)
-            err << "envbake: " << (stage.job ? "baked " : "skipped ") << stage.output << ": "
-                << stage.reason << '\n';
+    if (options.verbose) print_stages(plan, outcome, err);
     return {};
 }
 
@@ -114,7 +125,7 @@ RunCommand declare_bake(CLI::App& app) {
     app.add_option("-o,--output", options->request.output, "Bundle to write (.envb)")->required();
     app.add_option("--depfile", options->depfile,
                    "Also write which files the bundle depends on, for make, ninja or CMake");
-    app.add_flag("--force", options->force, "Bake even if the bundle is up to date");
+    app.add_flag("--force", options->force, "Bake everything, whatever the older bundle has");
     app.add_option("--threads", options->threads, "Threads; 0 uses every core")
         ->capture_default_str()
         ->check(CLI::Range(0, 4096));
@@ -127,7 +138,8 @@ RunCommand declare_bake(CLI::App& app) {
            "How progress is said on stderr: text, or json, one object a line")
         ->check(CLI::IsMember({"text", "json"}))
         ->default_str("text");
-    app.add_flag("-v,--verbose", options->verbose, "Say what each stage was baked or skipped for");
+    app.add_flag("-v,--verbose", options->verbose,
+                 "Say what each stage was baked, kept or skipped for");
     app.footer(
         "Example:\n"
         "  envbake bake scene.glb --env sky.hdr -o scene.envb --preset reference");

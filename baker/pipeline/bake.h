@@ -39,14 +39,26 @@ struct BakeInputs {
 /// Reads the request's files and collects the facts the plan needs. No ray is cast.
 Expected<BakeInputs> load_inputs(const BakeRequest& request);
 
-/// Runs the plan and writes the bundle. Nothing stands under request.output until it is whole.
-///
-///   return  what fell short of the tolerance, one line each
+/// What becomes of a bundle that is at request.output already.
+enum class Older {
+    Keep,    ///< what would come out the same is taken from it, not baked
+    Forget,  ///< it is baked over
+};
+
+struct BakeOutcome {
+    std::vector<std::string> shortfalls;  ///< what fell short of the tolerance, one line each
+    std::vector<bool> kept;               ///< one a stage: taken from the older bundle
+    bool traced = false;                  ///< some stage had a tracer built
+};
+
+/// Runs the plan and writes the bundle: the same bytes, whatever was kept. Nothing stands under
+/// request.output until it is whole; an older bundle stays there until then. One that is damaged,
+/// or made by another tool or version, is baked over.
 ///
 /// Errors:  Failed        the output cannot be written, or a stage ran out of memory
 ///          InvalidInput  the environment is so bright that its lighting leaves the range of f32
-Expected<std::vector<std::string>> run_plan(const BakeRequest& request, const BakeInputs& inputs,
-                                            const BakePlan& plan, Progress& progress);
+Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inputs,
+                               const BakePlan& plan, Older older, Progress& progress);
 
 /// The files that request.output was baked from, where it is an undamaged bundle that the same tool
 /// made from the same inputs and options; else nothing. Reads and hashes files; opens no image and

@@ -15,6 +15,13 @@
 
 namespace envbake {
 
+std::string hash_text(std::span<const std::byte> bytes) {
+    std::array<char, 17> text{};
+    std::snprintf(text.data(), text.size(), "%016llx",
+                  static_cast<unsigned long long>(format::checksum(bytes)));
+    return text.data();
+}
+
 Expected<FileHash> hash_file(const std::filesystem::path& file) {
     const auto refused = [&file] {
         return Error{Errc::Failed,
@@ -29,7 +36,7 @@ Expected<FileHash> hash_file(const std::filesystem::path& file) {
     }
     FileHash hash;
     hash.bytes = static_cast<std::uint64_t>(status.st_size);
-    std::uint64_t digest = format::checksum({});
+    hash.xxh3 = hash_text({});
     if (hash.bytes > 0) {
         const auto size = static_cast<std::size_t>(hash.bytes);
         void* mapping = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, descriptor, 0);
@@ -37,13 +44,10 @@ Expected<FileHash> hash_file(const std::filesystem::path& file) {
             ::close(descriptor);
             return refused();
         }
-        digest = format::checksum({static_cast<const std::byte*>(mapping), size});
+        hash.xxh3 = hash_text({static_cast<const std::byte*>(mapping), size});
         ::munmap(mapping, size);
     }
     ::close(descriptor);
-    std::array<char, 17> text{};
-    std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(digest));
-    hash.xxh3 = text.data();
     return hash;
 }
 

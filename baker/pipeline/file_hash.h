@@ -3,8 +3,10 @@
 
 #include "baker/core/error.h"
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 
 namespace envbake {
@@ -16,6 +18,9 @@ struct FileHash {
 
     friend bool operator==(const FileHash&, const FileHash&) = default;
 };
+
+/// XXH3-64, 16 hexadecimal digits.
+std::string hash_text(std::span<const std::byte> bytes);
 
 /// Errors:  Failed  the file cannot be read
 Expected<FileHash> hash_file(const std::filesystem::path& file);

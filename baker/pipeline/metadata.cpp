@@ -1,20 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/pipeline/metadata.h"
 
-#include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace envbake {
 
 namespace {
-
-/// Three significant digits: errors and statistics are estimates, and read better so.
-double rounded(double value) {
-    if (value == 0 || !std::isfinite(value)) return value;
-    const double scale = std::pow(10.0, 2 - std::floor(std::log10(std::abs(value))));
-    return std::round(value * scale) / scale;
-}
 
 const char* axes_name(runtime::TableAxes axes) {
     return axes == runtime::TableAxes::RootsEndPoints ? "roots" : "linear";
@@ -251,7 +245,93 @@ Json meshes_json(const Scene& scene, const BakeReport& report) {
     return list;
 }
 
+template <class T>
+void read(const Json& json, const char* member, T& value) {
+    value = json.at(member).get<T>();
+}
+
 }  // namespace
+
+double rounded(double value) {
+    char text[32];
+    const auto written =
+        std::to_chars(text, std::end(text), value, std::chars_format::scientific, 2);
+    std::from_chars(text, written.ptr, value);
+    return value;
+}
+
+void read_table(const Json& json, BrdfTable& table) {
+    read(json, "texel_error", table.texel_error);
+    read(json, "lookup_error", table.lookup_error);
+    read(json, "lookup_error_rms", table.lookup_error_rms);
+    read(json, "lookup_error_of_sharper_lobes", table.sharp_lookup_error);
+}
+
+DiffuseReport read_diffuse(const Json& json) {
+    DiffuseReport r;
+    read(json, "rays_per_vertex", r.rays_per_vertex);
+    read(json, "rays", r.ray_count);
+    read(json, "check_rays", r.check_ray_count);
+    read(json, "traced", r.traced_count);
+    read(json, "solved", r.solved_count);
+    read(json, "free", r.free_count);
+    read(json, "merged", r.merged_count);
+    read(json, "unreferenced", r.unreferenced_count);
+    read(json, "error_rms", r.error_rms);
+    read(json, "error_p999", r.error_p999);
+    return r;
+}
+
+BakeReport::Encoding read_encoding(const Json& json) {
+    BakeReport::Encoding e;
+    read(json, "name", e.name);
+    read(json, "error_rms", e.error_rms);
+    read(json, "error_worst", e.error_worst);
+    return e;
+}
+
+BounceReport read_bounces(const Json& json) {
+    BounceReport r;
+    read(json, "count", r.bounces);
+    read(json, "every_blocked_ray", r.stride);
+    read(json, "points", r.point_count);
+    read(json, "points_on_black_backs", r.black_back_count);
+    read(json, "shrink", r.shrink);
+    r.left_out = std::numeric_limits<double>::infinity();
+    if (!json.at("left_out").is_null()) read(json, "left_out", r.left_out);
+    read(json, "error_rms", r.error_rms);
+    read(json, "error_p999", r.error_p999);
+    read(json, "emitted_error_rms", r.emitted_error_rms);
+    return r;
+}
+
+BakeReport::Glossy read_glossy(const Json& json, const LobeErrors& lobe) {
+    BakeReport::Glossy g;
+    g.lobe = lobe;
+    read(json, "light_bands", g.light_bands);
+    read(json, "rays", g.rays.ray_count);
+    read(json, "error_rms", g.error_rms);
+    read(json, "error_p999", g.error_p999);
+    return g;
+}
+
+WaveletLightSummary read_wavelet_light(const Json& json) {
+    WaveletLightSummary light;
+    read(json, "terms", light.term_count);
+    read(json, "of", light.coeff_count);
+    read(json, "truncation", light.truncation);
+    return light;
+}
+
+WaveletReport read_wavelet_mesh(const Json& json) {
+    WaveletReport r;
+    read(json, "rays", r.ray_count);
+    read(json, "traced", r.traced_count);
+    read(json, "free", r.free_count);
+    read(json, "unreferenced", r.unreferenced_count);
+    read(json, "coefficients", r.coeff_count);
+    return r;
+}
 
 Json parse_metadata(std::string_view text) {
     constexpr int kMaxDepth = 64;
@@ -346,6 +426,12 @@ Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const B
         arrays[name] = {{"error", rounded(error.value)}, {"norm", error.norm}};
     json["arrays"] = std::move(arrays);
     json["plan"] = plan_json(plan);
+    for (std::size_t i = 0; i < report.stages.size(); ++i) {
+        if (!plan.stages[i].job) continue;
+        const BakeReport::Stage& stage = report.stages[i];
+        if (!stage.key.empty()) json["plan"][i]["key"] = stage.key;
+        json["plan"][i]["arrays"] = stage.arrays;
+    }
     json["self_test"] = {{"tolerance", report.self_test_tolerance}};
     return json;
 }

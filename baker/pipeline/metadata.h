@@ -32,6 +32,11 @@ struct WaveletSummary {
 
 /// What the stages found out, beside the arrays themselves.
 struct BakeReport {
+    struct Stage {
+        std::string key;                  ///< stage_keys()
+        std::vector<std::string> arrays;  ///< that it left, in the order in which they were written
+    };
+    std::vector<Stage> stages;  ///< one a stage of the plan
     struct ArrayError {
         double value = 0;
         std::string norm;  ///< what the value is: "worst |v - r| / (r + 1e-3 mean)"
@@ -88,6 +93,20 @@ Json plan_json(const BakePlan& plan);
 /// The whole document, docs/format.md. Nothing in it changes from run to run.
 Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
                    const BakeReport& report);
+
+/// Three significant digits: errors and statistics are estimates, and read better so. What is
+/// rounded stays what it is if it is rounded again.
+double rounded(double value);
+
+/// Parts of a report as metadata_json() wrote them. Throw Json::exception where they are not there,
+/// or of another type.
+void read_table(const Json& json, BrdfTable& table);
+DiffuseReport read_diffuse(const Json& json);
+BakeReport::Encoding read_encoding(const Json& json);
+BounceReport read_bounces(const Json& json);
+BakeReport::Glossy read_glossy(const Json& json, const LobeErrors& lobe);
+WaveletLightSummary read_wavelet_light(const Json& json);
+WaveletReport read_wavelet_mesh(const Json& json);
 
 /// A bundle's metadata as its reader has it; discarded (Json::is_discarded) where it is not JSON,
 /// or nested deeper than 64, which no bundle needs and recursive code would not survive.

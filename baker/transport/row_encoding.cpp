@@ -23,6 +23,11 @@ double quantised(const RowCode& code, std::size_t i, float value) {
     return std::clamp(std::round((double{value} - low) / step), 0.0, levels(code.encoding));
 }
 
+/// What a reader makes of it.
+float value_of(const RowCode& code, std::size_t i, double q) {
+    return static_cast<float>(double{code.range[2 * i]} + double{code.range[2 * i + 1]} * q);
+}
+
 template <class T, class Encode>
 std::vector<std::byte> encode_as(std::span<const float> rows, Encode&& encode) {
     std::vector<std::byte> bytes(rows.size() * sizeof(T));
@@ -31,6 +36,15 @@ std::vector<std::byte> encode_as(std::span<const float> rows, Encode&& encode) {
         std::memcpy(&bytes[i * sizeof(T)], &element, sizeof(T));
     }
     return bytes;
+}
+
+template <class T, class Decode>
+void decode_as(std::span<const std::byte> bytes, std::span<float> rows, Decode&& decode) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        T element;
+        std::memcpy(&element, &bytes[i * sizeof(T)], sizeof(T));
+        rows[i] = decode(i, element);
+    }
 }
 
 }  // namespace
@@ -71,6 +85,24 @@ std::vector<std::byte> encode_rows(const RowCode& code, std::span<const float> r
     return encode_as<float>(rows, [&](std::size_t i) { return rows[i]; });
 }
 
+void decode_rows(const RowCode& code, std::span<const std::byte> bytes, std::span<float> rows) {
+    const auto unorm = [&](std::size_t i, double q) {
+        return value_of(code, i % code.row_size, q);
+    };
+    switch (code.encoding) {
+        case RowEncoding::F32:
+            return decode_as<float>(bytes, rows, [](std::size_t, float value) { return value; });
+        case RowEncoding::F16:
+            return decode_as<std::uint16_t>(bytes, rows, [](std::size_t, std::uint16_t bits) {
+                return runtime::half_to_float(bits);
+            });
+        case RowEncoding::Unorm16:
+            return decode_as<std::uint16_t>(bytes, rows, unorm);
+        case RowEncoding::Unorm8:
+            return decode_as<std::uint8_t>(bytes, rows, unorm);
+    }
+}
+
 void round_trip(const RowCode& code, std::span<const float> row, std::span<float> out) {
     for (std::size_t i = 0; i < row.size(); ++i) {
         if (code.encoding == RowEncoding::F32)
@@ -78,8 +110,7 @@ void round_trip(const RowCode& code, std::span<const float> row, std::span<float
         else if (code.encoding == RowEncoding::F16)
             out[i] = runtime::half_to_float(runtime::float_to_half(row[i]));
         else
-            out[i] = static_cast<float>(double{code.range[2 * i]} +
-                                        double{code.range[2 * i + 1]} * quantised(code, i, row[i]));
+            out[i] = value_of(code, i, quantised(code, i, row[i]));
     }
 }
 

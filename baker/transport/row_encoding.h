@@ -28,6 +28,9 @@ RowCode make_row_code(RowEncoding encoding, std::span<const float> rows, std::si
 /// The elements of some rows as they are stored.
 std::vector<std::byte> encode_rows(const RowCode& code, std::span<const float> rows);
 
+/// The other way round: what a reader makes of stored elements.
+void decode_rows(const RowCode& code, std::span<const std::byte> bytes, std::span<float> rows);
+
 /// What a reader gets of `row`.
 void round_trip(const RowCode& code, std::span<const float> row, std::span<float> out);
 

@@ -122,6 +122,7 @@ struct Writer::State {
     }
 #endif
 
+    Expected<void> open(const ArraySpec& spec);
     std::uint64_t table_position(std::size_t table_size) const;
     std::vector<std::byte> table() const;
     std::array<std::byte, kHeaderSize> header(std::span<const std::byte> table) const;
@@ -222,8 +223,8 @@ Expected<Writer> Writer::create(const std::string& path) {
     return Writer(std::move(state));
 }
 
-Expected<void> Writer::begin(const ArraySpec& spec) {
-    State& s = *state_;
+/// A new entry of the table, into which store_bytes() writes.
+Expected<void> Writer::State::open(const ArraySpec& spec) {
     if (!is_valid_name(spec.name)) return Error::at(Errc::BadName, 0, spec.name);
     if (spec.shape.empty() || spec.shape.size() > kMaxRank)
         return Error::at(Errc::EntryRank, 0, spec.name);
@@ -233,19 +234,25 @@ Expected<void> Writer::begin(const ArraySpec& spec) {
     for (const std::uint64_t extent : std::span(spec.shape).subspan(open_ended ? 1 : 0))
         if (__builtin_mul_overflow(size, extent, &size))
             return Error::at(Errc::EntryShape, 0, spec.name);
-    ENVBAKE_TRY_VOID(s.pad_to_alignment());
-    const auto [at, is_new] = s.entries.try_emplace(spec.name);
+    ENVBAKE_TRY_VOID(pad_to_alignment());
+    const auto [at, is_new] = entries.try_emplace(spec.name);
     if (!is_new) return Error::at(Errc::DuplicateName, 0, spec.name);
-    at->second = Entry{.spec = spec, .offset = s.position, .size = size};  // open-ended: of a row
-    s.open_entry = &at->second;
-    s.appended = 0;
-    XXH3_64bits_reset(&s.hash);
+    at->second = Entry{.spec = spec, .offset = position, .size = size};  // open-ended: of a row
+    open_entry = &at->second;
+    appended = 0;
+    XXH3_64bits_reset(&hash);
+    return {};
+}
+
+Expected<void> Writer::begin(const ArraySpec& spec) {
+    State& s = *state_;
+    ENVBAKE_TRY_VOID(s.open(spec));
     if (spec.codec == Codec::Zstd) {
 #ifdef ENVBAKE_WITH_ZSTD
         if (s.compressor == nullptr) s.compressor = ZSTD_createCCtx();
         s.compressed.resize(ZSTD_CStreamOutSize());
         ZSTD_CCtx_reset(s.compressor, ZSTD_reset_session_only);
-        ZSTD_CCtx_setPledgedSrcSize(s.compressor, size);
+        ZSTD_CCtx_setPledgedSrcSize(s.compressor, s.open_entry->size);
 #else
         return Error::at(Errc::ArrayCodec, 0, spec.name);
 #endif
@@ -285,6 +292,20 @@ Expected<void> Writer::add(const ArraySpec& spec, std::span<const std::byte> byt
     ENVBAKE_TRY_VOID(begin(spec));
     ENVBAKE_TRY_VOID(append(bytes));
     return end();
+}
+
+Expected<void> Writer::copy(const Reader& from, const ArrayInfo& array) {
+    State& s = *state_;
+    ENVBAKE_TRY_VOID(s.open({std::string(array.name),
+                             array.type,
+                             {array.shape.begin(), array.shape.begin() + array.rank},
+                             array.codec}));
+    ENVBAKE_TRY_VOID(s.store_bytes(from.stored_bytes(array)));
+    s.open_entry->checksum = XXH3_64bits_digest(&s.hash);
+    if (s.open_entry->checksum != array.checksum)
+        return Error::at(Errc::ArrayChecksum, array.offset, array.name);
+    s.open_entry = nullptr;
+    return {};
 }
 
 Expected<void> Writer::finish() {

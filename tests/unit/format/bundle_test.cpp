@@ -175,6 +175,35 @@ TEST_F(Bundle, StreamedAndWholeArraysGiveTheSameBytes) {
     }
 }
 
+TEST_F(Bundle, CopiedArraysGiveTheSameFile) {
+    for (const Codec codec : {Codec::None, Codec::Zstd}) {
+        write_sample(codec);
+        const Bytes original = load();
+        const auto older = Reader::open(path_.c_str());
+        ASSERT_TRUE(older);
+        auto writer = Writer::create(path_);
+        ASSERT_TRUE(writer);
+        for (const char* name : {"environment/sh", "mesh/0/diffuse", "empty", "metadata"})
+            ASSERT_TRUE(writer->copy(*older, *older->find(name))) << name;
+        ASSERT_TRUE(writer->finish());
+        const Bytes copy = load();
+        ASSERT_EQ(copy.size, original.size);
+        EXPECT_EQ(std::memcmp(copy.data, original.data, copy.size), 0);
+    }
+}
+
+TEST_F(Bundle, ADamagedArrayIsNotCopied) {
+    write_sample();
+    Bytes bytes = load();
+    bytes.data[kHeaderSize] ^= std::byte{1};
+    const auto damaged = Reader::open(bytes.span());
+    ASSERT_TRUE(damaged);
+    auto writer = Writer::create(path_);
+    const auto copied = writer->copy(*damaged, *damaged->find("environment/sh"));
+    ASSERT_FALSE(copied);
+    EXPECT_EQ(copied.error().code, Errc::ArrayChecksum);
+}
+
 TEST_F(Bundle, AnOpenEndedArrayIsAsLongAsWhatWasAppended) {
     auto writer = Writer::create(path_);
     ASSERT_TRUE(writer);

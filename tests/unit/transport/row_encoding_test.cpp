@@ -84,5 +84,19 @@ TEST(RowEncoding, NoRowsAreNoError) {
     EXPECT_EQ(encoding_error(code, {}).rms, 0);
 }
 
+TEST(RowEncoding, StoredElementsAreReadAsTheRoundTripSays) {
+    const std::vector<float> values = rows();
+    for (const RowEncoding encoding :
+         {RowEncoding::F32, RowEncoding::F16, RowEncoding::Unorm16, RowEncoding::Unorm8}) {
+        const RowCode code = make_row_code(encoding, values, kRowSize);
+        std::vector<float> read(values.size()), expected(kRowSize);
+        decode_rows(code, encode_rows(code, values), read);
+        for (std::size_t at = 0; at < values.size(); at += kRowSize) {
+            round_trip(code, std::span(values).subspan(at, kRowSize), expected);
+            for (std::size_t i = 0; i < kRowSize; ++i) EXPECT_EQ(read[at + i], expected[i]);
+        }
+    }
+}
+
 }  // namespace
 }  // namespace envbake

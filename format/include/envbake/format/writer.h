@@ -58,6 +58,11 @@ class Writer {
                    std::as_bytes(elements));
     }
 
+    /// An array of another bundle, byte for byte as it is stored there.
+    ///
+    /// Errors:  as begin(); CannotWrite, ArrayChecksum
+    [[nodiscard]] Expected<void> copy(const Reader& from, const ArrayInfo& array);
+
     /// Writes the table and the header, flushes to the disk, and puts the file in its place.
     ///
     /// Errors:  CannotWrite

@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/core/text.h"
+#include "baker/pipeline/run.h"
+
+#include "envbake/runtime/half.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace envbake {
+
+Expected<void> Run::build_tracer() {
+    if (tracer_) return {};
+    ENVBAKE_TRY(tracer_, Tracer::build(*inputs_.scene));
+    return {};
+}
+
+DiffuseJob Run::in_time(DiffuseJob job, std::size_t mesh) {
+    if (request_.time_budget <= 0 || !job.shadowed) return job;
+    constexpr double kForTheRest = 0.05;  // self-test, compression, the way to the disk
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - inputs_.begun;
+    const double left = (1 - kForTheRest) * request_.time_budget - elapsed.count();
+    const auto vertices = static_cast<double>(inputs_.scene->meshes[mesh].vertex_count());
+    job.seconds = std::max(left * vertices / vertices_to_trace_, 1e-9);
+    vertices_to_trace_ -= vertices;
+    return job;
+}
+
+Expected<DiffuseReport> Run::trace(
+    const DiffuseJob& job, std::size_t mesh,
+    const std::function<Expected<void>(std::span<const float>)>& sink, BlockedRays* blocked) {
+    return bake_diffuse(in_time(job, mesh), *inputs_.scene, mesh, *tracer_, sink, progress_,
+                        blocked);
+}
+
+void Run::announce_transport() {
+    std::uint64_t total = 0;
+    for (std::size_t i = 0; i < plan_.stages.size(); ++i)
+        if (const PlannedStage& stage = plan_.stages[i]; stage.job && !kept_[i]) {
+            const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
+            const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job);
+            std::uint64_t vertices = 0;
+            if (diffuse != nullptr && !diffuse->from_glossy)
+                vertices = inputs_.scene->meshes[diffuse->mesh].vertex_count();
+            if (glossy != nullptr) vertices = inputs_.scene->meshes[glossy->mesh].vertex_count();
+            total += vertices;
+            if (glossy != nullptr || (diffuse != nullptr && diffuse->job.shadowed))
+                vertices_to_trace_ += static_cast<double>(vertices);
+        }
+    progress_.begin("diffuse transport", "vertices", total);
+}
+
+Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy) {
+    const Mesh& mesh = inputs_.scene->meshes[glossy.mesh];
+    const auto row_size = static_cast<std::uint64_t>(glossy.job.row_bands * glossy.job.row_bands);
+    const auto diffuse_size = static_cast<std::size_t>(glossy.job.bands * glossy.job.bands);
+    ENVBAKE_TRY_VOID(build_tracer());
+    // Any encoding of diffuse transport makes halves of these numbers: in 8 bits they would err
+    // more than the tolerance.
+    const bool half = request_.encoding != Encoding::F32;
+    const auto type = half ? format::ElementType::F16 : format::ElementType::F32;
+    ENVBAKE_TRY_VOID(begin({output, type, {mesh.vertex_count(), row_size}, codec()}));
+    std::vector<float>& kept = transport_[glossy.mesh].rows;
+    if (glossy.with_diffuse) kept.reserve(mesh.vertex_count() * diffuse_size);
+    double blocked_sum = 0, rounding_squares = 0;
+    std::uint64_t first_vertex = 0;
+    std::vector<format::Half> halves;
+    std::vector<float> as_read;
+    const auto sink = [&](std::span<const float> rows) -> Expected<void> {
+        for (std::size_t at = 0; at < rows.size(); at += row_size) {
+            blocked_sum += 1 - static_cast<double>(rows[at]) * std::sqrt(4 * std::numbers::pi);
+            if (glossy.with_diffuse)
+                kept.insert(kept.end(), rows.begin() + static_cast<std::ptrdiff_t>(at),
+                            rows.begin() + static_cast<std::ptrdiff_t>(at + diffuse_size));
+        }
+        std::span<const std::byte> stored = std::as_bytes(rows);
+        if (half) {
+            halves.clear();
+            as_read.clear();
+            for (const float value : rows) {
+                halves.push_back({runtime::float_to_half(value)});
+                as_read.push_back(runtime::half_to_float(halves.back().bits));
+                const double rounding = static_cast<double>(as_read.back() - value);
+                rounding_squares += rounding * rounding;
+            }
+            stored = std::as_bytes(std::span(halves));
+            rows = as_read;
+        }
+        for (auto& asked : stored_.glossy_vertices) {
+            if (asked.mesh != glossy.mesh || asked.vertex < first_vertex) continue;
+            const std::uint64_t at = (asked.vertex - first_vertex) * row_size;
+            if (at < rows.size())
+                asked.visibility.assign(rows.begin() + static_cast<std::ptrdiff_t>(at),
+                                        rows.begin() + static_cast<std::ptrdiff_t>(at + row_size));
+        }
+        first_vertex += rows.size() / row_size;
+        return append(stored);
+    };
+    ENVBAKE_TRY(const DiffuseReport rays, trace(glossy.job, glossy.mesh, sink,
+                                                glossy.bounces ? &blocked_[glossy.mesh] : nullptr));
+    ENVBAKE_TRY_VOID(end());
+
+    const LobeErrors& lobe = glossy.errors;
+    const double blocked = std::max(
+        0.0, blocked_sum / static_cast<double>(std::max<std::size_t>(1, mesh.vertex_count())));
+    const double expansion = lobe.fit * std::sqrt(blocked);
+    const double rounding =
+        lobe.per_rounding_error *
+        std::sqrt(rounding_squares /
+                  static_cast<double>(std::max<std::uint64_t>(1, row_size * mesh.vertex_count())));
+    report_.glossy[glossy.mesh] = {
+        rays, glossy.light_bands, lobe,
+        std::hypot(lobe.per_transport_error * rays.error_rms, expansion, rounding),
+        std::hypot(lobe.per_transport_error * rays.error_p999, lobe.fit)};
+    report_.array_errors[output] = {
+        report_.glossy[glossy.mesh]->error_rms,
+        "rms over vertices of |t - t_true|_F / |a + b of an open vertex|_F"};
+    if (glossy.with_diffuse) report_.diffuse[glossy.mesh] = rays;
+
+    std::vector<float> normals;
+    const SurfacePoints points(mesh);
+    for (std::uint32_t v = 0; v < mesh.vertex_count(); ++v) {
+        const std::uint32_t place = points.representative(v);
+        const DVec3 normal =
+            place == SurfacePoints::kNone ? DVec3(0) : glm::normalize(DVec3(mesh.normals[place]));
+        for (int c = 0; c < 3; ++c) normals.push_back(static_cast<float>(normal[c]));
+    }
+    keep_self_test_normals(glossy.mesh, normals);
+    return add<float>(concat("mesh/", glossy.mesh, "/normal"), {mesh.vertex_count(), 3}, normals,
+                      codec());
+}
+
+Expected<void> Run::store_kept(const std::string& output, const PlannedDiffuse& diffuse) {
+    std::vector<float>& rows = transport_[diffuse.mesh].rows;
+    const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
+    if (diffuse.bounces) {
+        std::vector<float> coloured;
+        coloured.reserve(rows.size() * static_cast<std::size_t>(bounce_channels_));
+        for (const float value : rows)
+            for (int c = 0; c < bounce_channels_; ++c) coloured.push_back(value);
+        rows = std::move(coloured);
+        return {};
+    }
+    report_.array_errors[output] = {report_.diffuse[diffuse.mesh]->error_rms,
+                                    "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+    if (encoded_) return {};
+    keep_self_test_rows(diffuse.mesh, 0, rows, coeffs);
+    ENVBAKE_TRY_VOID(add<float>(output, {rows.size() / coeffs, coeffs}, rows, codec()));
+    std::vector<float>().swap(rows);
+    return {};
+}
+
+Expected<void> Run::bake(const std::string& output, const PlannedDiffuse& diffuse) {
+    const Mesh& mesh = inputs_.scene->meshes[diffuse.mesh];
+    const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
+    ENVBAKE_TRY_VOID(build_tracer());
+    if (diffuse.from_glossy) return store_kept(output, diffuse);
+    if (diffuse.bounces) return keep(diffuse);
+    if (encoded_ && diffuse.job.shadowed) return keep_on_disk(output, diffuse);
+    ENVBAKE_TRY_VOID(
+        begin({output, format::ElementType::F32, {mesh.vertex_count(), coeffs}, codec()}));
+    std::uint64_t first_vertex = 0;
+    const auto sink = [&](std::span<const float> rows) -> Expected<void> {
+        if (diffuse.job.shadowed) keep_self_test_rows(diffuse.mesh, first_vertex, rows, coeffs);
+        first_vertex += rows.size() / coeffs;
+        return append(std::as_bytes(rows));
+    };
+    ENVBAKE_TRY(DiffuseReport report, trace(diffuse.job, diffuse.mesh, sink));
+    ENVBAKE_TRY_VOID(end());
+    report_.array_errors[output] = {report.error_rms,
+                                    "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+    if (diffuse.job.shadowed) report_.diffuse[diffuse.mesh] = report;
+    return {};
+}
+
+Expected<void> Run::keep(const PlannedDiffuse& diffuse) {
+    std::vector<float>& kept = transport_[diffuse.mesh].rows;
+    const std::size_t vertices = inputs_.scene->meshes[diffuse.mesh].vertex_count();
+    kept.reserve(vertices * static_cast<std::size_t>(diffuse.job.bands * diffuse.job.bands *
+                                                     bounce_channels_));
+    const auto sink = [&](std::span<const float> rows) -> Expected<void> {
+        for (const float value : rows)
+            for (int c = 0; c < bounce_channels_; ++c) kept.push_back(value);
+        return {};
+    };
+    ENVBAKE_TRY(report_.diffuse[diffuse.mesh],
+                trace(diffuse.job, diffuse.mesh, sink, &blocked_[diffuse.mesh]));
+    return {};
+}
+
+Expected<void> Run::bake(const std::string&, const PlannedBounces& bounces) {
+    if (bounces.job.emission)
+        for (std::size_t m = 0; m < transport_.size(); ++m)
+            if (!transport_[m].rows.empty())
+                transport_[m].emitted.resize(3 * inputs_.scene->meshes[m].vertex_count(), 0);
+    const BounceReport report =
+        add_bounces(bounces.job, *inputs_.scene, *tracer_, blocked_, transport_);
+    std::vector<BlockedRays>().swap(blocked_);
+    report_.bounces = report;
+    const double left_out = bounces.job.bounces == kAllBounces ? report.left_out : 0;
+    const auto coeffs = static_cast<std::uint64_t>(bounces.job.bands * bounces.job.bands);
+    const auto channels = static_cast<std::uint64_t>(bounces.job.channels);
+    for (std::size_t m = 0; m < transport_.size(); ++m) {
+        std::vector<float>& rows = transport_[m].rows;
+        if (rows.empty()) continue;
+        DiffuseReport& of_mesh = *report_.diffuse[m];
+        of_mesh.error_rms = std::hypot(of_mesh.error_rms, report.error_rms) + left_out;
+        of_mesh.error_p999 = std::hypot(of_mesh.error_p999, report.error_p999) + left_out;
+        const std::string output = concat("mesh/", m, "/diffuse");
+        report_.array_errors[output] = {of_mesh.error_rms,
+                                        "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+        if (encoded_) continue;
+        keep_self_test_rows(m, 0, rows, coeffs * channels, transport_[m].emitted);
+        std::vector<std::uint64_t> shape{rows.size() / (coeffs * channels), coeffs};
+        if (channels > 1) shape.push_back(channels);
+        ENVBAKE_TRY_VOID(add<float>(output, std::move(shape), rows, codec()));
+        std::vector<float>().swap(rows);
+    }
+    return {};
+}
+
+Expected<void> Run::bake(const std::string& output, const PlannedEmitted& planned) {
+    const std::vector<float>& emitted = transport_[planned.mesh].emitted;
+    report_.array_errors[output] = {report_.bounces->emitted_error_rms,
+                                    "rms over the scene's vertices, relative to their rms"};
+    return add<float>(output, {emitted.size() / 3, 3}, emitted, codec());
+}
+
+}  // namespace envbake
