@@ -163,6 +163,44 @@ TEST(Interreflection, ASmallLampIsNotMissed) {
     EXPECT_NEAR(emitted[0], whole / 2, 0.03 * whole);
 }
 
+/// Row E11: what a disc that shines with 1 sends to another of its size is the form factor of the
+/// two, as a lamp of few triangles and, of many, by the rays of the hemisphere. So is the blocked
+/// share of the other's sky.
+TEST(Interreflection, CoaxialDiscs) {
+    constexpr int kReceivers = 64;  // each stands for as much of the lower disc's area
+    Mesh receivers;
+    for (int k = 0; k < kReceivers; ++k) {
+        const double r = std::sqrt((k + 0.5) / kReceivers), phi = 2.4 * k;
+        const Vec3 at(DVec3(r * std::cos(phi), r * std::sin(phi), 0));
+        for (const Vec3& offset : {Vec3(0), Vec3(1e-3f, 0, 0), Vec3(0, 1e-3f, 0)}) {
+            receivers.triangles.push_back(static_cast<std::uint32_t>(receivers.positions.size()));
+            receivers.positions.push_back(at + offset);
+            receivers.normals.push_back({0, 0, 1});
+        }
+    }
+    for (const auto& [gap, form_factor] :
+         {std::pair{0.5f, 0.609611796798}, {1.0f, 0.38196601125}, {2.0f, 0.171572875254}}) {
+        for (const int sectors : {60, 400}) {
+            Scene scene =
+                with_albedo(test::scene_of({receivers, test::disc(1, gap, sectors)}), Vec3(0));
+            Material shining;
+            shining.emission = Vec3(1);
+            scene.materials.push_back(shining);
+            scene.meshes[1].material = 1;
+            const Lit lit = light(scene, {.channels = 1, .emission = true});
+            double sent = 0, blocked = 0;
+            for (std::size_t k = 0; k < kReceivers; ++k) {
+                sent += double{lit.transport[0].emitted[9 * k]} / kReceivers;
+                blocked += (1 - lit.sky(3 * k)) / kReceivers;
+            }
+            // A polygon has the area of its circle times sin(x) / x.
+            const double x = 2 * pi / sectors, expected = form_factor * std::sin(x) / x;
+            EXPECT_NEAR(sent, expected, 2e-3 * expected) << gap << ' ' << sectors;
+            EXPECT_NEAR(blocked, expected, 2e-3 * expected) << gap << ' ' << sectors;
+        }
+    }
+}
+
 /// With albedo 1 under a constant sky every vertex from which light escapes ends with 1, partial
 /// sums grow, and none is above 1.
 TEST(Interreflection, WhiteFurnace) {
