@@ -51,6 +51,9 @@ inline void multiply_add(const Float8& a, const Float8& b, Float8& sum) {
     sum = _mm256_fmadd_ps(a, b, sum);
 }
 
+inline Float8 all_lanes(float value) {
+    return _mm256_set1_ps(value);
+}
 /// The value, then zeros.
 inline Float8 first_lane(float value) {
     return _mm256_zextps128_ps256(_mm_set_ss(value));
@@ -91,6 +94,9 @@ inline void multiply_add(const Float8& a, const Float8& b, Float8& sum) {
     sum.high += a.high * b.high;
 }
 
+inline Float8 all_lanes(float value) {
+    return {Float4{} + value, Float4{} + value};
+}
 /// The value, then zeros.
 inline Float8 first_lane(float value) {
     return {Float4{value, 0, 0, 0}, Float4{}};
@@ -184,10 +190,34 @@ inline void store_colours(const Float8 (&channels)[3][4], const std::array<float
     std::memcpy(colours->data() + 8, &third, sizeof third);
 }
 #else
+/// Of four numbers: by element, what vectors have.
+struct Float4 {
+    std::array<float, 4> v{};
+
+    float& operator[](std::size_t i) { return v[i]; }
+    float operator[](std::size_t i) const { return v[i]; }
+    Float4& operator+=(const Float4& other) {
+        for (std::size_t i = 0; i < 4; ++i) v[i] += other.v[i];
+        return *this;
+    }
+    friend Float4 operator+(Float4 a, const Float4& b) { return a += b; }
+    friend Float4 operator-(const Float4& a, const Float4& b) { return a + -1.0f * b; }
+    friend Float4 operator*(Float4 a, const Float4& b) {
+        for (std::size_t i = 0; i < 4; ++i) a.v[i] *= b.v[i];
+        return a;
+    }
+    friend Float4 operator*(float a, const Float4& b) { return Float4{a, a, a, a} * b; }
+};
+
 struct Float8 {
     std::array<float, kLanes> v{};
 };
 
+inline Float8 all_lanes(float value) {
+    Float8 all;
+    all.v.fill(value);
+    return all;
+}
 inline Float8 first_lane(float value) {
     return {{value}};
 }

@@ -4,9 +4,11 @@
 #include "envbake/runtime/sh.h"
 #include "envbake/runtime/sh_rotation.h"
 #include "envbake/runtime/shade.h"
+#include "float8.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numbers>
 #include <optional>
 
@@ -43,40 +45,39 @@ Vec3 to_local(const std::array<Vec3, 3>& frame, const Vec3& v) {
     return local;
 }
 
-/// Four of a kind, turned together: whole vectors.
-using Four = std::array<float, 4>;
+Float4 padded(const Rgb& rgb) {
+    return Float4{rgb[0], rgb[1], rgb[2], 0};
+}
+Rgb first_three(const Float4& v) {
+    return {v[0], v[1], v[2]};
+}
 
-/// Coefficients turned by an angle about +Z.
-void turn_about_z(int bands, float cos_angle, float sin_angle, Four* coeffs) {
+/// Four kinds of coefficients turned together, by an angle about +Z.
+void turn_about_z(int bands, float cos_angle, float sin_angle, Float4* coeffs) {
     float c = 1, s = 0;  // of m angles
     for (int m = 1; m < bands; ++m) {
         const float next = c * cos_angle - s * sin_angle;
         s = s * cos_angle + c * sin_angle;
         c = next;
         for (int l = m; l < bands; ++l) {
-            Four& even = coeffs[slot(l, m)];
-            Four& odd = coeffs[slot(l, -m)];
-            for (std::size_t i = 0; i < 4; ++i) {
-                const float turned = c * even[i] - s * odd[i];
-                odd[i] = s * even[i] + c * odd[i];
-                even[i] = turned;
-            }
+            const Float4 even = coeffs[slot(l, m)], odd = coeffs[slot(l, -m)];
+            coeffs[slot(l, m)] = c * even - s * odd;
+            coeffs[slot(l, -m)] = s * even + c * odd;
         }
     }
 }
 
 /// Coefficients times the matrices of the quarter turn, or their transpose: its inverse.
 template <bool kInverse>
-void quarter_turn(int bands, const float* matrix, Four* coeffs) {
+void quarter_turn(int bands, const float* matrix, Float4* coeffs) {
     for (int l = 0; l < bands; ++l) {
         const auto size = static_cast<std::size_t>(2 * l + 1);
-        Four* band = coeffs + slot(l, -l);
-        std::array<Four, 2 * kLobeBands - 1> sum{};
+        Float4* band = coeffs + slot(l, -l);
+        std::array<Float4, 2 * kLobeBands - 1> sum{};
         for (std::size_t row = 0; row < size; ++row)
             for (std::size_t column = 0; column < size; ++column)
-                for (std::size_t i = 0; i < 4; ++i)
-                    sum[row][i] += matrix[kInverse ? column * size + row : row * size + column] *
-                                   band[column][i];
+                sum[row] +=
+                    matrix[kInverse ? column * size + row : row * size + column] * band[column];
         std::copy_n(sum.begin(), size, band);
         matrix += size * size;
     }
@@ -93,13 +94,13 @@ struct FrameTurn {
     float cos_theta() const { return frame[2][2]; }
     float minus_sin_theta() const { return frame[0][2]; }
 
-    void to_frame(int bands, Four* coeffs) const {
+    void to_frame(int bands, Float4* coeffs) const {
         turn_about_z(bands, cos_phi(), minus_sin_phi(), coeffs);
         quarter_turn<false>(bands, quarter.elements.data(), coeffs);
         turn_about_z(bands, cos_theta(), minus_sin_theta(), coeffs);
         quarter_turn<true>(bands, quarter.elements.data(), coeffs);
     }
-    void to_world(int bands, Four* coeffs) const {
+    void to_world(int bands, Float4* coeffs) const {
         quarter_turn<false>(bands, quarter.elements.data(), coeffs);
         turn_about_z(bands, cos_theta(), -minus_sin_theta(), coeffs);
         quarter_turn<true>(bands, quarter.elements.data(), coeffs);
@@ -168,6 +169,31 @@ bool blocked_part(const GlossyView& transport, std::uint64_t vertex, Vec3& norma
                 open * blocked[slot(l, m)] - transport.visibility[first + slot(l, m)];
     }
     return true;
+}
+
+/// factors * matrix, whose rows are whole vectors: `count` of them, and so many factors.
+template <std::size_t kColumns, std::size_t kRows>
+std::array<float, kColumns> product_of(const std::array<float, kRows>& factors,
+                                       const std::array<std::array<float, kColumns>, kRows>& matrix,
+                                       std::size_t count) {
+    std::array<float, kColumns> result;
+    // So few columns at once that their sums stay in registers.
+    constexpr std::size_t kAtOnce = 4;
+    const auto sum_columns = [&]<std::size_t kVectors>(std::size_t first) {
+        Float8 sum[kVectors]{};
+        for (std::size_t row = 0; row < count; ++row) {
+            const Float8 factor = all_lanes(factors[row]);
+            for (std::size_t k = 0; k < kVectors; ++k)
+                multiply_add(factor, load8(&matrix[row][first + kLanes * k]), sum[k]);
+        }
+        std::memcpy(&result[first], sum, sizeof sum);
+    };
+    constexpr std::size_t kWhole = kColumns / (kAtOnce * kLanes) * kAtOnce * kLanes;
+    for (std::size_t first = 0; first < kWhole; first += kAtOnce * kLanes)
+        sum_columns.template operator()<kAtOnce>(first);
+    if constexpr (kWhole < kColumns)
+        sum_columns.template operator()<(kColumns - kWhole) / kLanes>(kWhole);
+    return result;
 }
 
 /// Radiance that surfaces send to a vertex, the mean over the directions that they block, weighted
@@ -268,35 +294,23 @@ TransferredLight GlossyLight::transfer(const Mesh& mesh, std::uint64_t vertex) c
     light.bands = bands_;
 
     const std::size_t rows = square(bands_ + kExtraVisibilityBands);
-    std::array<Four, kMaxKernel> kernel_side{};
-    for (std::size_t c = 0; c < 3; ++c) {
-        // So few columns at once that their sums stay in registers.
-        constexpr std::size_t kAtOnce = 28;
-        static_assert(kColumns % kAtOnce == 0);
-        for (std::size_t first = 0; first < kColumns; first += kAtOnce) {
-            std::array<float, kAtOnce> sum{};
-            for (std::size_t m = 0; m < rows; ++m)
-                for (std::size_t k = 0; k < kAtOnce; ++k)
-                    sum[k] += blocked[m] * product_[c][m][first + k];
-            for (std::size_t k = 0; k < kAtOnce && first + k < kMaxKernel; ++k)
-                kernel_side[first + k][c] = sum[k];
-        }
-    }
-    const Rgb from_surfaces =
-        mean_of_blocked(mesh, vertex, blocked[0], std::span(lighting_).first(square(bands_)));
+    std::array<std::array<float, kColumns>, 3> products;
+    for (std::size_t c = 0; c < 3; ++c) products[c] = product_of(blocked, product_[c], rows);
+    const Float4 from_surfaces = padded(
+        mean_of_blocked(mesh, vertex, blocked[0], std::span(lighting_).first(square(bands_))));
+    std::array<Float4, kMaxKernel> kernel_side;
+    for (std::size_t k = 0; k < kMaxKernel; ++k)
+        kernel_side[k] = padded({products[0][k], products[1][k], products[2][k]});
     for (std::size_t k = 0; k < std::min(rows, kMaxKernel); ++k)
-        for (std::size_t c = 0; c < 3; ++c) kernel_side[k][c] -= from_surfaces[c] * blocked[k];
-    std::array<Four, kMaxLight> lighting{};
-    for (std::size_t i = 0; i < square(bands_); ++i)
-        std::copy_n(lighting_[i].begin(), 3, lighting[i].begin());
+        kernel_side[k] = kernel_side[k] - blocked[k] * from_surfaces;
+    std::array<Float4, kMaxLight> lighting{};
+    for (std::size_t i = 0; i < square(bands_); ++i) lighting[i] = padded(lighting_[i]);
 
     const FrameTurn turn{quarter_turn_, light.frame};
     turn.to_frame(kLobeBands, kernel_side.data());
     turn.to_frame(bands_, lighting.data());
-    for (std::size_t k = 0; k < kMaxKernel; ++k)
-        std::copy_n(kernel_side[k].begin(), 3, light.blocked[k].begin());
-    for (std::size_t i = 0; i < square(bands_); ++i)
-        std::copy_n(lighting[i].begin(), 3, light.lighting[i].begin());
+    for (std::size_t k = 0; k < kMaxKernel; ++k) light.blocked[k] = first_three(kernel_side[k]);
+    for (std::size_t i = 0; i < square(bands_); ++i) light.lighting[i] = first_three(lighting[i]);
     return light;
 }
 
@@ -320,23 +334,31 @@ GlossyExit reflect(const LobeView& lobe, const TransferredLight& light, float pe
     if (!fits(lobe, light.bands)) return exit;
     exit.bands = lobe.exit_bands;
     exit.frame = light.frame;
-    const auto add = [&](const FloatView& table, int bands, std::span<const Rgb> from, float sign) {
+    const Float4 reflectance = padded(r0);
+    std::array<Float4, kMaxLight> coeffs{};
+    const auto add = [&](const FloatView& table, int bands, std::span<const Rgb> light_coeffs) {
         const Row row = interpolated(lobe, table, bands, perceptual_roughness);
+        std::array<Float4, kMaxKernel> from;
+        for (std::size_t k = 0; k < square(bands); ++k) from[k] = padded(light_coeffs[k]);
         for (int m = 0; m < std::min(exit.bands, bands); ++m) {
             for (int j = m; j < exit.bands; ++j) {
+                Float4 even{}, odd{};
                 for (int k = m; k < bands; ++k) {
                     const std::size_t at = lobe_slot(exit.bands, bands, m, j, k);
-                    for (std::size_t c = 0; c < 3; ++c) {
-                        const float t = sign * (r0[c] * row.a(at) + row.b(at));
-                        exit.coeffs[slot(j, m)][c] += t * from[slot(k, m)][c];
-                        if (m > 0) exit.coeffs[slot(j, -m)][c] += t * from[slot(k, -m)][c];
-                    }
+                    const float b = row.b(at);
+                    const Float4 t = row.a(at) * reflectance + Float4{b, b, b, b};
+                    even += t * from[slot(k, m)];
+                    odd += t * from[slot(k, -m)];
                 }
+                coeffs[slot(j, m)] += even;
+                if (m > 0) coeffs[slot(j, -m)] += odd;
             }
         }
     };
-    add(lobe.unoccluded, lobe.light_bands, light.lighting, 1);
-    add(lobe.kernel, kLobeBands, light.blocked, -1);
+    add(lobe.kernel, kLobeBands, light.blocked);
+    for (Float4& coeff : coeffs) coeff = -1.0f * coeff;
+    add(lobe.unoccluded, lobe.light_bands, light.lighting);
+    for (std::size_t j = 0; j < square(exit.bands); ++j) exit.coeffs[j] = first_three(coeffs[j]);
     return exit;
 }
 
@@ -384,12 +406,12 @@ bool GlossyMatrices::expand(const LobeView& lobe, const GlossyView& transport, s
         interpolated(lobe, lobe.unoccluded, lobe.light_bands, perceptual_roughness);
     const Row kernel = interpolated(lobe, lobe.kernel, kLobeBands, perceptual_roughness);
 
-    // Four of the lighting's functions at once: each of them, and what is blocked of it.
+    // Float4 of the lighting's functions at once: each of them, and what is blocked of it.
     const Term* term = terms_.data();
     const Term* const end = term + term_count_;
     for (std::size_t first = 0; first < light_count; first += 4) {
-        std::array<Four, kMaxLight> lit{};
-        std::array<Four, kMaxKernel> transferred{};
+        std::array<Float4, kMaxLight> lit{};
+        std::array<Float4, kMaxKernel> transferred{};
         for (std::size_t lane = 0; lane < 4 && first + lane < light_count; ++lane)
             lit[first + lane][lane] = 1;
         for (; term != end && term->light < first + 4; ++term)
@@ -398,17 +420,15 @@ bool GlossyMatrices::expand(const LobeView& lobe, const GlossyView& transport, s
         turn.to_frame(lobe.light_bands, lit.data());
         turn.to_frame(kLobeBands, transferred.data());
         for (std::size_t part = 0; part < 2; ++part) {
-            std::array<Four, kMaxLight> exit{};
-            const auto add = [&](const Row& row, int bands, const Four* from, float sign) {
+            std::array<Float4, kMaxLight> exit{};
+            const auto add = [&](const Row& row, int bands, const Float4* from, float sign) {
                 for (int m = 0; m < std::min(lobe.exit_bands, bands); ++m) {
                     for (int j = m; j < lobe.exit_bands; ++j) {
                         for (int k = m; k < bands; ++k) {
                             const float t =
                                 sign * row.part(part, lobe_slot(lobe.exit_bands, bands, m, j, k));
-                            for (std::size_t i = 0; i < 4; ++i) {
-                                exit[slot(j, m)][i] += t * from[slot(k, m)][i];
-                                if (m > 0) exit[slot(j, -m)][i] += t * from[slot(k, -m)][i];
-                            }
+                            exit[slot(j, m)] += t * from[slot(k, m)];
+                            if (m > 0) exit[slot(j, -m)] += t * from[slot(k, -m)];
                         }
                     }
                 }

@@ -2,6 +2,7 @@
 #include "envbake/runtime/half.h"
 #include "envbake/runtime/sh.h"
 #include "envbake/runtime/shade.h"
+#include "tests/unit/runtime/vector_code_test.h"
 
 #include <gtest/gtest.h>
 
@@ -146,14 +147,7 @@ void expect_the_sum(Make make) {
     }
 }
 
-class EncodedTransport : public testing::Test {
-#if defined(ENVBAKE_TEST_avx2)
-    void SetUp() override {
-        if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma"))
-            GTEST_SKIP() << "this processor has no AVX2";
-    }
-#endif
-};
+class EncodedTransport : public VectorCodeTest {};
 
 TEST_F(EncodedTransport, OfFloatsIsTheSum) {
     expect_the_sum([](Encoded& e, std::size_t row, Numbers& n) { make_rows(e, false, row, n); });

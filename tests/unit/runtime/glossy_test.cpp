@@ -4,6 +4,7 @@
 #include "envbake/runtime/sh.h"
 #include "envbake/runtime/sh_rotation.h"
 #include "tests/unit/runtime/bundle_builder.h"
+#include "tests/unit/runtime/vector_code_test.h"
 
 #include <gtest/gtest.h>
 
@@ -18,7 +19,10 @@ namespace {
 
 using std::numbers::pi;
 
-const GlossyMatrices kMatrices;
+const GlossyMatrices& expander() {
+    static const GlossyMatrices once;
+    return once;
+}
 
 /// A lobe and one vertex in memory of their own.
 struct Content {
@@ -81,7 +85,7 @@ struct Content {
     std::vector<float> matrices(float roughness = 0.25f) const {
         std::vector<float> t(static_cast<std::size_t>(2 * sh::coeff_count(exit_bands) *
                                                       sh::coeff_count(light_bands)));
-        EXPECT_TRUE(kMatrices.expand(lobe(), transport(), 0, roughness, t));
+        EXPECT_TRUE(expander().expand(lobe(), transport(), 0, roughness, t));
         return t;
     }
 };
@@ -105,7 +109,9 @@ double gaunt(int i, int k_degree, int k_order, int m) {
     return -double{t[(exit * 25 + static_cast<std::size_t>(i)) * 2]};
 }
 
-TEST(Glossy, GauntIntegrals) {
+class Glossy : public VectorCodeTest {};
+
+TEST_F(Glossy, GauntIntegrals) {
     const int z = sh::index(1, 0), x = sh::index(1, 1), y = sh::index(1, -1);
     EXPECT_NEAR(gaunt(z, 1, 0, 0), 1 / (2 * std::sqrt(pi)), 1e-6);
     EXPECT_NEAR(gaunt(z, 1, 0, sh::index(2, 0)), 1 / std::sqrt(5 * pi), 1e-6);
@@ -117,7 +123,7 @@ TEST(Glossy, GauntIntegrals) {
 }
 
 /// Of a hemisphere, weighted by its cosine: integral of z Y_i Y_k over z > 0 by antiderivatives.
-TEST(Glossy, MatrixOfTheVisibleHemisphere) {
+TEST_F(Glossy, MatrixOfTheVisibleHemisphere) {
     Content c(5, 5);
     std::fill(c.visibility.begin(), c.visibility.end(), 0.0f);  // all of it is blocked
     for (int k = 0; k < 2; ++k) c.kernel[lobe_slot(5, kLobeBands, 0, 0, k)] = 1;
@@ -129,7 +135,7 @@ TEST(Glossy, MatrixOfTheVisibleHemisphere) {
     EXPECT_NEAR(at(sh::index(1, 0)), c01 * 2 * pi / 3 + c11 * pi / 2, 1e-5);
 }
 
-TEST(Glossy, ReflectedLightIsTheMatricesTimesIt) {
+TEST_F(Glossy, ReflectedLightIsTheMatricesTimesIt) {
     for (const auto& [exit, light] : {std::pair{5, 5}, {3, 5}, {5, 3}, {4, 4}, {1, 1}}) {
         Content c(exit, light);
         c.randomise(static_cast<unsigned>(10 * exit + light));
@@ -173,7 +179,7 @@ TEST(Glossy, ReflectedLightIsTheMatricesTimesIt) {
 /// Row F1: a Phong lobe about the mirrored view multiplies degree l by its moment, and a mirror
 /// about the normal negates odd orders. The reflected light is the lobe's integral over the light
 /// itself.
-TEST(Glossy, PhongLobeReflectsByItsMoments) {
+TEST_F(Glossy, PhongLobeReflectsByItsMoments) {
     constexpr int kBands = 5;
     const std::vector<std::pair<int, std::vector<double>>> table{
         {1, {1, 0.666666666667, 0.25, 0, -0.0416666666667}},
@@ -227,7 +233,7 @@ TEST(Glossy, PhongLobeReflectsByItsMoments) {
 }
 
 /// Turn vertex, light and eye alike: nothing changes. Ten bands can be turned, so four of lighting.
-TEST(Glossy, NothingDependsOnTheFrame) {
+TEST_F(Glossy, NothingDependsOnTheFrame) {
     Content c(5, 4);
     c.randomise(5);
     const std::vector<float> coeffs = random_light(4, 9);
@@ -260,7 +266,7 @@ TEST(Glossy, NothingDependsOnTheFrame) {
 
 /// A white furnace, R0 = 1 or not: what the scene blocks shines like the sky, and the lobe shows
 /// neither. Emission does the same as light that was reflected.
-TEST(Glossy, LightFromSurfacesFillsWhatTheyBlock) {
+TEST_F(Glossy, LightFromSurfacesFillsWhatTheyBlock) {
     Content c(5, 5);
     c.randomise(8);
     std::vector<float> constant(75, 0.0f);
@@ -297,7 +303,7 @@ TEST(Glossy, LightFromSurfacesFillsWhatTheyBlock) {
         }
 }
 
-TEST(Glossy, RowsAreInterpolatedAndTheLastHolds) {
+TEST_F(Glossy, RowsAreInterpolatedAndTheLastHolds) {
     Content c(2, 2, 3);
     for (std::size_t i = 0; i < c.unoccluded.size(); ++i)
         c.unoccluded[i] = static_cast<float>(i / (c.unoccluded.size() / 3));  // 0, 1, 2
@@ -311,28 +317,28 @@ TEST(Glossy, RowsAreInterpolatedAndTheLastHolds) {
     EXPECT_DOUBLE_EQ(first(NAN), 0);
 }
 
-TEST(Glossy, WhatIsAbsentReflectsNothing) {
+TEST_F(Glossy, WhatIsAbsentReflectsNothing) {
     Content c(3, 3);
     c.randomise(1);
     const std::vector<float> coeffs = random_light(3, 2);
     const GlossyLight lighting({3, coeffs}, 3);
     std::vector<float> t(9 * 9 * 2, 7.0f);
     EXPECT_EQ(lighting.transfer(c.mesh(), 1).bands, 0);
-    EXPECT_FALSE(kMatrices.expand(c.lobe(), c.transport(), 1, 0.5f, t));
+    EXPECT_FALSE(expander().expand(c.lobe(), c.transport(), 1, 0.5f, t));
     EXPECT_EQ(lighting.transfer({}, 0).bands, 0);
     EXPECT_EQ(GlossyLight({3, coeffs}, 2).transfer(c.mesh(), 0).bands, 0);
     EXPECT_EQ(reflect({}, lighting.transfer(c.mesh(), 0), 0.5f, {1, 1, 1}).bands, 0);
     EXPECT_EQ(GlossyExit{}.radiance({0, 0, 1}), Rgb{});
-    EXPECT_FALSE(kMatrices.expand({}, c.transport(), 0, 0.5f, t));
-    EXPECT_FALSE(kMatrices.expand(c.lobe(), c.transport(), 0, 0.5f, std::span(t).first(8)));
+    EXPECT_FALSE(expander().expand({}, c.transport(), 0, 0.5f, t));
+    EXPECT_FALSE(expander().expand(c.lobe(), c.transport(), 0, 0.5f, std::span(t).first(8)));
     c.normal = {0, 0, 0};
     EXPECT_EQ(lighting.transfer(c.mesh(), 0).bands, 0);
-    EXPECT_FALSE(kMatrices.expand(c.lobe(), c.transport(), 0, 0.5f, t));
+    EXPECT_FALSE(expander().expand(c.lobe(), c.transport(), 0, 0.5f, t));
     EXPECT_EQ(t, std::vector<float>(t.size(), 7.0f));
 }
 
 /// From below one sees what grazing shows; more lighting bands than transport has are left out.
-TEST(Glossy, ViewsFromBelowGraze) {
+TEST_F(Glossy, ViewsFromBelowGraze) {
     Content c(4, 2);
     c.randomise(4);
     c.normal = {0, 0, 1};
@@ -361,7 +367,7 @@ test::BundleBuilder& fill(test::BundleBuilder& builder, const std::string& facts
 }
 constexpr const char* kFacts = R"({"exit_bands":2,"light_bands":3,"roughness":[0.5,1]})";
 
-TEST(Glossy, ABundleHandsItOut) {
+TEST_F(Glossy, ABundleHandsItOut) {
     test::BundleBuilder builder;
     const auto bundle = Bundle::open(fill(builder, kFacts).finish().c_str());
     ASSERT_TRUE(bundle) << format::to_string(bundle.error());
@@ -379,7 +385,7 @@ TEST(Glossy, ABundleHandsItOut) {
     EXPECT_EQ(transport.normals[4], 1.0f);
 }
 
-TEST(Glossy, ABundleThatIsNotSoIsRefused) {
+TEST_F(Glossy, ABundleThatIsNotSoIsRefused) {
     using format::Errc;
     const auto refusal = [](const char* facts, std::uint64_t columns = 81,
                             std::uint64_t kernel = 20, bool with_normal = true) {
