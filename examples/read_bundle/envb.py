@@ -65,7 +65,7 @@ class Bundle:
             self._check(name, entry, table_at)
             self.entries[name] = entry
         decoded = sum(entry["size"] for entry in self.entries.values() if entry["codec"])
-        require(decoded <= max(1 << 24, 16 * data.size), "decodes to more than a file of its size may")
+        require(decoded <= max(1 << 23, 16 * data.size), "decodes to more than a file of its size may")
 
     @staticmethod
     def _check(name, entry, table_at):

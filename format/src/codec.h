@@ -15,7 +15,7 @@
 
 namespace envbake::format {
 
-inline constexpr std::uint64_t kAlwaysDecoded = 16u << 20, kMostRatio = 16;
+inline constexpr std::uint64_t kAlwaysDecoded = 8u << 20, kMostRatio = 16;
 
 /// What the compressed arrays of a file of `file_size` bytes may decode to, in all: a small file
 /// cannot ask for much memory.

@@ -42,7 +42,7 @@ constexpr Text kTexts[] = {
     {Errc::EntryBounds, "EntryBounds",
      "the array is not on a 64-byte boundary between header and table"},
     {Errc::DecodedSize, "DecodedSize",
-     "the compressed arrays decode to more than 16 MiB and 16 times the file's size"},
+     "the compressed arrays decode to more than 8 MiB and 16 times the file's size"},
     {Errc::ArrayChecksum, "ArrayChecksum", "the stored bytes do not match their checksum"},
     {Errc::ArrayDecode, "ArrayDecode", "the stored bytes do not decode to the stated size"},
     {Errc::PaddingBytes, "PaddingBytes", "bytes between arrays are not 0"},

@@ -4,6 +4,7 @@
 #include "envbake/runtime/sh.h"
 #include "json_cursor.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -121,6 +122,11 @@ format::Expected<Bundle> Bundle::load(format::Expected<format::Reader> reader) n
 
     Arena measure;
     ENVBAKE_TRY_VOID(bundle.resolve(measure));
+    // Decoded arrays are bounded by the reader. What stands for meshes and wavelet terms grows with
+    // the file, by 7 bytes for each of its bytes at most.
+    const std::uint64_t file_size = bundle.reader().file().size();
+    if (measure.used() > std::max(std::uint64_t{16u << 20}, 24 * file_size))
+        return Error::at(Errc::DecodedSize);
     if (measure.used() > 0) {
         void* memory = nullptr;
         if (!measure.overflowed() && measure.used() <= std::numeric_limits<std::size_t>::max()) {

@@ -5,6 +5,7 @@
 
 #include "envbake/format/writer.h"
 #include "envbake/runtime/bundle.h"
+#include "envbake/runtime/glossy.h"
 #include "envbake/runtime/shade.h"
 
 #include <algorithm>
@@ -68,12 +69,20 @@ void shade(const runtime::Bundle& bundle) {
                 runtime::specular(bundle, d, {0, 1, 0}, {0.6f, 0.8f, 0}, r, {0.5f, 0.5f, 0.5f})[1];
         sum += runtime::lookup_average_albedo(bundle.brdf(), r);
     }
-    std::vector<runtime::Rgb> out(4);
+    std::vector<runtime::Rgb> out(6);
+    std::vector<float> projected(runtime::projected_size(bundle.cluster_basis()));
+    runtime::project_light(bundle.cluster_basis(), bundle.lighting(), projected);
+    const runtime::GlossyLight glossy_light(bundle.lighting(), bundle.glossy_lobe().light_bands);
     for (const runtime::Mesh& mesh : bundle.meshes()) {
         runtime::diffuse_exit(mesh.diffuse, bundle.lighting(), 0, out);
-        sum += out[0][0] + out[3][2];
+        sum += out[0][0] + out[5][2];
+        runtime::diffuse_exit(mesh.diffuse, projected, 1, out);
+        sum += out[0][0] + out[5][2];
+        sum += runtime::reflect(bundle.glossy_lobe(), glossy_light.transfer(mesh, 1), 0.6f,
+                                {0.5f, 0.5f, 0.5f})
+                   .radiance({0, 0.6f, 0.8f})[1];
         runtime::diffuse_exit(mesh.wavelet, bundle.wavelet_lighting().terms, 0, out);
-        sum += out[0][0] + out[3][2];
+        sum += out[0][0] + out[5][2];
     }
     volatile float sink = sum;
     static_cast<void>(sink);
@@ -128,7 +137,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             std::vector<std::byte> out(info.size);
             static_cast<void>(reader->read(info, out));
         }
-        require(decoded <= std::max<std::uint64_t>(16u << 20, 16 * size), "too much to decode");
+        require(decoded <= std::max<std::uint64_t>(8u << 20, 16 * size), "too much to decode");
         write_again(*reader);
     }
     if (const auto bundle = runtime::Bundle::open(bytes)) shade(*bundle);

@@ -357,7 +357,7 @@ TEST_F(Bundle, EveryFieldHasItsOwnRefusal) {
         {Errc::EntryBounds, [&](Bytes& b) { b.put(table + 96 + 64, huge - 63); }},
         {Errc::DecodedSize,
          [&](Bytes& b) {
-             const std::uint64_t too_much = (16u << 20) + 1;
+             const std::uint64_t too_much = (8u << 20) + 1;
              b.put<std::uint8_t>(table + 96 + 6, 2);
              b.put<std::uint8_t>(table + 96 + 7, 1);
              b.put<std::uint8_t>(table + 96 + 8, 1);

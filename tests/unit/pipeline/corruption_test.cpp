@@ -3,7 +3,9 @@
 // is damaged is found, and harms neither the validator nor the runtime.
 #include "baker/pipeline/validate.h"
 #include "tests/support/bundle_bytes.h"
+#include "tests/support/counted_new.h"
 
+#include "envbake/format/writer.h"
 #include "envbake/runtime/bundle.h"
 #include "envbake/runtime/shade.h"
 
@@ -55,7 +57,10 @@ class Memory {
 
 /// The names of what is wrong with these bytes. The runtime shades from them where it takes them.
 std::vector<std::string> faults(std::span<const std::byte> bytes) {
-    if (const auto bundle = runtime::Bundle::open(bytes)) {
+    const std::size_t before = test::allocated_bytes();
+    const auto bundle = runtime::Bundle::open(bytes);
+    EXPECT_LE(test::allocated_bytes() - before, 16u << 20);  // of a file under 1 MiB
+    if (bundle) {
         runtime::Rgb radiance = runtime::irradiance(bundle->lighting(), {0, 1, 0});
         for (const runtime::Mesh& mesh : bundle->meshes())
             runtime::diffuse_exit(mesh.diffuse, bundle->lighting(), 0, {&radiance, 1});
@@ -148,6 +153,31 @@ TEST_P(Golden, EveryIntegerAtItsBoundariesIsANamedError) {
         }
     }
     EXPECT_GT(tried, 500u);
+}
+
+// Zeros that decode to as much as may be: a little file, and the reader's largest request.
+TEST(Readers, AskForNoMoreThanTheyMay) {
+    constexpr std::uint64_t kRow = 25 * sizeof(float), kVertices = (8u << 20) / kRow;
+    const fs::path file = fs::path(::testing::TempDir()) / "zeros.envb";
+    auto writer = format::Writer::create(file.string());
+    ASSERT_TRUE(writer);
+    const std::vector<float> zeros(kVertices * 25);
+    ASSERT_TRUE(writer->add<float>("mesh/0/diffuse", {kVertices, 25}, zeros, format::Codec::Zstd));
+    const std::string metadata =
+        R"({"meshes":[{"node":0,"node_name":"","mesh":0,"mesh_name":"","primitive":0,"vertex_count":)" +
+        std::to_string(kVertices) + "}]}";
+    ASSERT_TRUE(writer->add<std::uint8_t>(
+        std::string(format::kMetadataName), {metadata.size()},
+        {reinterpret_cast<const std::uint8_t*>(metadata.data()), metadata.size()},
+        format::Codec::None));
+    ASSERT_TRUE(writer->finish());
+    EXPECT_LT(fs::file_size(file), 1u << 20);
+    const std::size_t before = test::allocated_bytes();
+    const auto bundle = runtime::Bundle::open(file.c_str());
+    ASSERT_TRUE(bundle) << format::to_string(bundle.error());
+    EXPECT_GT(test::allocated_bytes() - before, 7u << 20);
+    EXPECT_LE(test::allocated_bytes() - before, 16u << 20);
+    fs::remove(file);
 }
 
 INSTANTIATE_TEST_SUITE_P(Bundles, Golden,

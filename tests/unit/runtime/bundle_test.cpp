@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -538,6 +540,22 @@ TEST(BundleWavelets, AreRefusedWhereTheyDoNotFit) {
     EXPECT_EQ(refused([](Wavelets& w) { w.channels = 2; }), Errc::ArrayShape);
     EXPECT_EQ(refused([](Wavelets& w) { w.weight_count = 6; }), Errc::ArrayShape);
     EXPECT_EQ(refused([](Wavelets& w) { w.offsets = {0, 5, 5}; }), Errc::ArrayShape);
+}
+
+// The seeds of the fuzzer: between them they have every array and encoding.
+TEST(Bundle, OpensWhatBakesHaveWritten) {
+    bool clustered = false, quantised = false, glossy = false, wavelet = false;
+    for (const auto& file : std::filesystem::directory_iterator(ENVBAKE_BUNDLES)) {
+        const auto bundle = Bundle::open(file.path().c_str());
+        ASSERT_TRUE(bundle) << file.path() << ": " << format::to_string(bundle.error());
+        for (const Mesh& mesh : bundle->meshes()) {
+            clustered |= mesh.diffuse.encoding == TransportEncoding::Clustered;
+            quantised |= mesh.diffuse.encoding == TransportEncoding::Unorm16;
+            glossy |= mesh.glossy.light_bands > 0 && bundle->glossy_lobe().rows > 0;
+            wavelet |= mesh.wavelet.face_size > 0;
+        }
+    }
+    EXPECT_TRUE(clustered && quantised && glossy && wavelet);
 }
 
 }  // namespace
