@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 # Fuzzes what reads files, under ASan and UBSan: bundles, scenes, environments, and the decoders of
 # images.
-#   tests/fuzz.sh [SECONDS [TARGET...]]      default: 30, shared by all: bundle scene environment image
+#   tests/fuzz.sh [SECONDS [TARGET...]]      default: 30, shared by all: bundle validate scene environment image
 # What was found on the way is kept in build/fuzz/corpus, so that the next run goes on from there.
 # A finding is left in build/fuzz/findings and makes the exit status 1.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 targets=("${@:2}")
-[[ ${#targets[@]} -gt 0 ]] || targets=(bundle scene environment image)
+[[ ${#targets[@]} -gt 0 ]] || targets=(bundle validate scene environment image)
 seconds=$((${1:-30} / ${#targets[@]}))
 
 examples/install_packages.sh --clang
@@ -17,14 +17,15 @@ cmake --preset fuzz ${ENVBAKE_CMAKE_ARGS:-}
 cmake --build --preset fuzz --target "${targets[@]/#/fuzz_}"
 seeds=build/fuzz/seeds
 python3 tests/fuzz/make_corpus.py $seeds
-mkdir -p build/fuzz/findings $seeds/bundle
+mkdir -p build/fuzz/findings $seeds/bundle $seeds/validate
 cp tests/fuzz/corpus/bundle/* $seeds/bundle
+cp tests/fuzz/corpus/bundle/* $seeds/validate
 
 # No more memory than the format lets a bundle of this size ask for, and then some. A scene may
 # claim many vertices of a small file. OpenEXR asks for what an attribute claims, up to 2 GB: the
 # worker that decodes images has a limit of its own.
-declare -A malloc_limit_mb=([bundle]=20 [scene]=1024 [environment]=1024 [image]=4096)
-declare -A max_len=([bundle]=65536 [scene]=16384 [environment]=8192 [image]=8192)
+declare -A malloc_limit_mb=([bundle]=20 [validate]=64 [scene]=1024 [environment]=1024 [image]=4096)
+declare -A max_len=([bundle]=65536 [validate]=65536 [scene]=16384 [environment]=8192 [image]=8192)
 for target in "${targets[@]}"; do
     mkdir -p "build/fuzz/corpus/$target"
     printf '\n--- %s, %s s\n' "$target" "$seconds"

@@ -333,23 +333,6 @@ WaveletReport read_wavelet_mesh(const Json& json) {
     return r;
 }
 
-Json parse_metadata(std::string_view text) {
-    constexpr int kMaxDepth = 64;
-    const auto callback = [](int depth, Json::parse_event_t, Json&) {
-        if (depth > kMaxDepth) throw std::length_error("nested too deeply");
-        return true;
-    };
-    try {
-        return Json::parse(text, callback, /*allow_exceptions=*/false);
-    } catch (const std::length_error&) {
-        return Json(Json::value_t::discarded);
-    }
-}
-
-std::string to_text(const Json& json, int indent) {
-    return json.dump(indent, ' ', /*ensure_ascii=*/false, Json::error_handler_t::replace);
-}
-
 std::string tool_version() {
     return ENVBAKE_VERSION;
 }

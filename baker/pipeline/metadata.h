@@ -3,19 +3,15 @@
 
 #include "baker/lighting/sh_window.h"
 #include "baker/pipeline/bake.h"
-
-#include <nlohmann/json.hpp>
+#include "baker/pipeline/json_text.h"
 
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 namespace envbake {
-
-using Json = nlohmann::ordered_json;
 
 /// The wavelet arrays of a bundle.
 struct WaveletLightSummary {
@@ -107,13 +103,6 @@ BounceReport read_bounces(const Json& json);
 BakeReport::Glossy read_glossy(const Json& json, const LobeErrors& lobe);
 WaveletLightSummary read_wavelet_light(const Json& json);
 WaveletReport read_wavelet_mesh(const Json& json);
-
-/// A bundle's metadata as its reader has it; discarded (Json::is_discarded) where it is not JSON,
-/// or nested deeper than 64, which no bundle needs and recursive code would not survive.
-Json parse_metadata(std::string_view text);
-
-/// Text for people and files: bytes that are no UTF-8, as a file name may hold, become U+FFFD.
-std::string to_text(const Json& json, int indent);
 
 /// "1.0.0"
 std::string tool_version();

@@ -5,7 +5,7 @@
 #include "baker/pipeline/array_values.h"
 #include "baker/pipeline/check_self_test.h"
 #include "baker/pipeline/format_rules.h"
-#include "baker/pipeline/metadata.h"
+#include "baker/pipeline/json_text.h"
 #include "baker/pipeline/self_test.h"
 #include "baker/pipeline/validate_wavelet.h"
 #include "envbake/runtime/lobe.h"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/pipeline/validate_wavelet.h"
 
+#include "baker/core/error.h"
 #include "baker/core/text.h"
 #include "envbake/runtime/wavelet.h"
 

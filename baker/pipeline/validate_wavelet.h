@@ -2,7 +2,7 @@
 #pragma once
 
 #include "baker/pipeline/format_rules.h"
-#include "baker/pipeline/metadata.h"
+#include "baker/pipeline/json_text.h"
 #include "envbake/format/reader.h"
 
 #include <functional>
