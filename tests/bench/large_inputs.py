@@ -56,7 +56,8 @@ def write_ground(path, vertices):
     extent = (n - 1) * step
     scene = {
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2}]}],
+        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "material": 0}]}],
         "buffers": [{"byteLength": offset}], "bufferViews": views,
         "accessors": [
             {"bufferView": 0, "componentType": 5126, "count": n * n, "type": "VEC3", "min": [0, -1, 0],

@@ -34,6 +34,7 @@ cmake --build --preset bench >>"$out/build.log" || { tail -20 "$out/build.log" >
 either() {  # the first list of words with --quick, the second without
     if $quick; then echo "$1"; else echo "$2"; fi
 }
+run=$(tests/bench/machine.py "$(either quick full)")
 failed=() names=()
 step() {  # NAME COMMAND...: what the command prints becomes NAME.csv where it ends well
     local name=$1
@@ -46,7 +47,7 @@ step() {  # NAME COMMAND...: what the command prints becomes NAME.csv where it e
     (set -e; "$@") >"$out/$name.part" 2>"$out/$name.log" &
     if wait $!; then
         mv "$out/$name.part" "$out/$name.csv"
-        tests/bench/machine.py "$(either quick full)" >"$out/$name.run"
+        echo "$run; load $(cut -d' ' -f2 /proc/loadavg)" >"$out/$name.run"
         echo "$name: $((SECONDS - begin)) s" >&2
     else
         failed+=("$name")
@@ -89,7 +90,7 @@ for name, b in json.load(sys.stdin)["metadata"]["brdf"].items():
 wavelets() {
     local scene size
     for scene in $(either stanford_bunny "stanford_bunny lucy_33k japanese_bridge_garden"); do
-        for size in $(either 32 "32 64"); do
+        for size in 32 64; do
             "$bin/wavelet_check" "$data/meshes/$scene.glb" "$size" "$sky" \
                 "$data/environments/studio_small_03_1k.hdr" "$data/environments/lebombo_1k.hdr"
         done
@@ -103,7 +104,7 @@ pictures() {  # white paper, by transport alone
         for scene in "$data/meshes/suzanne.glb" "$data/meshes/shader_ball.glb" "$scratch/scene.glb"; do
             bake "$scene" --env "$environment" -o "$scratch/x.envb"
             "$ENVBAKE" render "$scratch/x.envb" "$scene" --env "$environment" -o "$scratch/x.png" --quiet --white \
-                --size "$(either 240x135 480x270)" --sights 2 --reference --reference-samples "$(either 128 1024)" |
+                --size "$(either 240x135 480x270)" --sights 2 --reference --reference-samples "$(either 512 1024)" |
                 sed 's/.*relative RMSE \([^ ]*\) %.*noise[^0-9]*\([^ ]*\) %.*/\1,\2/' | paste -sd, |
                 sed "s|^|$(basename "$scene" .glb),$(basename "$environment" .hdr),|"
         done
@@ -125,13 +126,19 @@ memory_map() {
 memory_vertices() {
     local vertices
     echo "vertices,output_mb,peak_mb,wall_s,cpu_s"
-    for vertices in $(either "10000 100000 1000000" "10000 100000 1000000 4000000 10000000"); do
+    for vertices in $(either "10000 100000 1000000" "10000 100000 1000000 10000000"); do
         tests/bench/large_inputs.py ground "$scratch/ground.glb" "$vertices"
         usage=$(tests/bench/peak_memory.py "$ENVBAKE" bake "$scratch/ground.glb" --rays 48 --force --quiet \
             -o "$scratch/x.envb")
         echo "$vertices,$(($(stat -c %s "$scratch/x.envb") / 1000000)),$usage"
         rm "$scratch/ground.glb"
     done
+}
+runtime() {  # for any x86-64, and for this machine
+    cmake --preset bench -B "$out/native" -DCMAKE_CXX_FLAGS=-march=native -DENVBAKE_TEST_DATA="$data" >&2
+    cmake --build "$out/native" --target runtime_bench >&2
+    google_benchmark "$(either 0.1 1)" runtime_bench /2000000 | sed '1s/^/build,/; 2,$s/^/any x86-64,/'
+    bin=$out/native/bin google_benchmark "$(either 0.1 1)" runtime_bench /2000000 | sed '1d; s/^/-march=native,/'
 }
 least_of_5() {  # COMMAND...: peak_mb,wall_s,cpu_s of the run of least CPU time
     local run
@@ -177,7 +184,7 @@ rebuilds() {  # each from the same older bundle
         tests/bench/encodings.sh "$data"
     step bounces "$bin/transport_against_time" bounces $(either suzanne \
         "stanford_bunny dungeon_hall japanese_bridge_garden")
-    step glossy_pictures env SCENES="$(either suzanne "suzanne shader_ball")" SAMPLES="$(either 32 256)" \
+    step glossy_pictures env SCENES="$(either suzanne "suzanne shader_ball")" SAMPLES="$(either 128 256)" \
         ENVIRONMENTS="$(either lebombo_1k "kloppenheim_05_1k lebombo_1k")" \
         ROUGHNESS="$(either "0.3 0.6 1" "0.2 0.3 0.4 0.5 0.6 0.8 1")" \
         tests/bench/glossy_against_split_sum.sh "$out/glossy" "$data"
@@ -187,7 +194,7 @@ rebuilds() {  # each from the same older bundle
         tests/bench/glossy_cost.sh "$data"
     step bare "$bin/transport_against_time" bare $(either "stanford_bunny suzanne" "")
     step scaling "$bin/transport_against_time" scaling $(either 50000 1000000)
-    step runtime google_benchmark $(either 0.1 1) runtime_bench /2000000
+    step runtime runtime
     step glossy_runtime google_benchmark $(either 0.1 1) glossy_runtime_bench
     step memory_map memory_map
     step memory_vertices memory_vertices

@@ -209,13 +209,14 @@ def scaling(rows):
 
 
 def runtime(rows):
-    header = ["encoding", "bytes a vertex", "shaded", "plain read", "read / shaded"]
-    time = {tuple(r["name"].strip('"').split("/")[:2]): r for r in rows}
+    header = ["encoding", "bytes a vertex", "built for", "shaded", "plain read", "read / shaded"]
+    time = {(*r["name"].strip('"').split("/")[:2], r["build"]): r for r in rows}
     out = []
-    for encoding in dict.fromkeys(k[1] for k in time):
-        shade, read = time["shade", encoding], time["read", encoding]
+    for _, encoding, build in (k for k in time if k[0] == "shade"):
+        shade, read = time["shade", encoding, build], time["read", encoding, build]
         a, b = 1e9 * float(shade["per_vertex"]), 1e9 * float(read["per_vertex"])
-        out.append([encoding, f"{float(shade['bytes_per_vertex']):g}", f"{a:.2g} ns", f"{b:.2g} ns", f"{b / a:.2f}"])
+        out.append([encoding, f"{float(shade['bytes_per_vertex']):g}", build, f"{a:.2g} ns", f"{b:.2g} ns",
+                    f"{b / a:.2f}"])
     return header, out
 
 
@@ -245,7 +246,8 @@ def usage(first):
     def table(rows):
         return [first, "wall", "CPU", "peak"], [
             [f"`{r[first]}`" if first == "command" or r[first].startswith("--") else r[first], seconds(r["wall_s"]),
-             seconds(r["cpu_s"]), f"{short(r['peak_mb'])} MB"] for r in rows]
+             seconds(r["cpu_s"]), f"{short(r['peak_mb'])} MB" if float(r["peak_mb"]) else "too short to see"]
+            for r in rows]
     return table
 
 
@@ -291,14 +293,14 @@ def machine(folder, csvs):
     for step in dict.fromkeys(csvs):
         if (folder / f"{step}.run").exists():
             line = (folder / f"{step}.run").read_text(encoding="utf-8").strip()
-            what, load = line.rsplit("; load average of 15 minutes ", 1)
+            what, load = line.rsplit("; load ", 1)
             runs.setdefault(what, []).append((step, float(load)))
     out = []
     for what, steps in sorted(runs.items(), key=lambda r: -len(r[1])):
         loads = [load for _, load in steps]
         only = "" if len(runs) == 1 else f" Of this run: {', '.join(s for s, _ in steps)}."
-        out.append(f"Measured on {what}; load average {min(loads):g} to {max(loads):g} meanwhile, the benchmark's own "
-                   f"included.{only}")
+        out.append(f"Measured on {what}; {min(loads):g} to {max(loads):g} threads were at "
+                   f"work meanwhile, the benchmarks' own among them.{only}")
     return "\n\n".join(out)
 
 
