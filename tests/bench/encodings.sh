@@ -3,15 +3,16 @@
 # What each encoding of diffuse transport takes and costs: bytes a vertex (with ranges, and basis of
 # the clusters), and the error that it adds, as bundles of build/release state it. CSV.
 #   tests/bench/encodings.sh [DATA] [BAKE OPTIONS]    DATA: the folder of real test input
+# ENVBAKE names another program than build/release has, MESHES other meshes than those below.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 data=$(realpath "${1:-../shared/data}")
-envbake=build/release/bin/envbake
+envbake=${ENVBAKE:-build/release/bin/envbake}
 bundle=$(mktemp --suffix=.envb)
 trap 'rm -f "$bundle"' EXIT
 
 echo "mesh,encoding,bytes_a_vertex,encoding_rms,encoding_worst,whole_rms"
-for mesh in stanford_bunny suzanne shader_ball dungeon_hall; do
+for mesh in ${MESHES-stanford_bunny suzanne shader_ball dungeon_hall}; do
     for encoding in f32 f16 unorm16 unorm8 cpca auto; do
         "$envbake" bake "$data/meshes/$mesh.glb" --encoding "$encoding" --force --quiet -o "$bundle" "${@:2}"
         "$envbake" dump "$bundle" --json | python3 -c '

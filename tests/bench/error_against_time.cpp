@@ -156,9 +156,14 @@ class MipsTruth {
     std::vector<Level> levels_;
 };
 
-void measure_mips(const std::string& input, const Environment& environment) {
+std::vector<int> sample_counts(bool quick) {
+    return quick ? std::vector{64, 256} : std::vector{64, 256, 1024, 4096};
+}
+
+void measure_mips(const std::string& input, const Environment& environment, bool quick) {
     const MipsTruth truth(environment);
     for (const double tolerance : {1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4}) {
+        if (quick && tolerance < 1e-3) break;
         std::vector<Mip> mips;
         const MipsJob job{.face_size = kFaceSize,
                           .perceptual_roughness = kRoughness,
@@ -171,7 +176,7 @@ void measure_mips(const std::string& input, const Environment& environment) {
         print("mips", input, "envbake", tolerance, seconds, truth.compare(mips));
     }
     for (const bool filtered : {false, true}) {
-        for (const int samples : {64, 256, 1024, 4096}) {
+        for (const int samples : sample_counts(quick)) {
             std::vector<Mip> mips;
             const double seconds = timed([&] {
                 mips.clear();
@@ -211,14 +216,14 @@ Error compare_table(const std::vector<Vec2>& texels, int size) {
     return error;
 }
 
-void measure_table() {
+void measure_table(bool quick) {
     constexpr int kSize = 128;
     std::vector<Vec2> texels;
     double seconds = timed([&] {
         texels = bake_brdf_table({.size = kSize, .axes = runtime::TableAxes::LinearCentres}).texels;
     });
     print("brdf", "ggx 128 x 128", "envbake", kSize, seconds, compare_table(texels, kSize));
-    for (const int samples : {64, 256, 1024, 4096}) {
+    for (const int samples : sample_counts(quick)) {
         seconds = timed([&] { texels = sampled_table(kSize, samples); });
         print("brdf", "ggx 128 x 128", "importance sampling", samples, seconds,
               compare_table(texels, kSize));
@@ -256,23 +261,31 @@ void measure_sh(const std::string& input, const Environment& environment) {
 }  // namespace
 }  // namespace envbake::bench
 
-/// Arguments: the stages to measure, brdf, sh or mips; none: all.
+/// Arguments: the stages to measure, brdf, sh or mips, none: all; the one map to do it on; "quick"
+/// for the short ends of the ladders.
 int main(int argc, char** argv) {
     using namespace envbake;
-    const auto wanted = [&](const char* stage) {
-        return argc == 1 || std::find(argv + 1, argv + argc, std::string(stage)) != argv + argc;
+    const std::vector<std::string> arguments(argv + 1, argv + argc);
+    const std::vector<std::string> maps{"kloppenheim_05_1k", "studio_small_03_1k",
+                                        "potsdamer_platz_1k"};
+    const auto named = [&](const std::string& name) {
+        return std::find(arguments.begin(), arguments.end(), name) != arguments.end();
     };
+    const bool all_stages = !named("brdf") && !named("sh") && !named("mips");
+    const bool all_maps = std::none_of(maps.begin(), maps.end(), named);
+    const auto wanted = [&](const std::string& stage) { return all_stages || named(stage); };
     std::printf("stage,input,method,setting,cpu_s,worst,rms,energy\n");
-    if (wanted("brdf")) bench::measure_table();
-    for (const char* name : {"kloppenheim_05_1k", "studio_small_03_1k", "potsdamer_platz_1k"}) {
-        const auto file = std::filesystem::path(ENVBAKE_TEST_DATA) / "environments" /
-                          (std::string(name) + ".hdr");
+    if (wanted("brdf")) bench::measure_table(named("quick"));
+    for (const std::string& name : maps) {
+        if (!all_maps && !named(name)) continue;
+        const auto file =
+            std::filesystem::path(ENVBAKE_TEST_DATA) / "environments" / (name + ".hdr");
         const auto environment = read_environment(file);
         if (!environment) {
             std::fprintf(stderr, "%s\n", environment.error().message.c_str());
             return 1;
         }
         if (wanted("sh")) bench::measure_sh(name, *environment);
-        if (wanted("mips")) bench::measure_mips(name, *environment);
+        if (wanted("mips")) bench::measure_mips(name, *environment, named("quick"));
     }
 }

@@ -30,18 +30,24 @@ TITLES = {
     "sh": "SH projection, 5 bands",
     "transport": "Diffuse transport of a whole scene, 5 bands",
 }
-SETTINGS = {
-    "envbake": "envbake (tolerance, or one setting)",
-    "importance sampling": "importance sampling (64 .. 4096 samples)",
-    "filtered importance sampling": "filtered importance sampling (64 .. 4096)",
-    "texel centres": "texel centres (32 .. 512 rows)",
-    "independent rays": "independent rays (256 .. 16,384 over the sphere)",
-    "jittered grid": "jittered grid (256 .. 16,384 cells)",
+UNITS = {
+    "importance sampling": "samples",
+    "filtered importance sampling": "samples",
+    "texel centres": "rows",
+    "independent rays": "over the sphere",
+    "jittered grid": "cells",
 }
 
 
 def decades(values):
     return math.floor(math.log10(min(values))), math.ceil(math.log10(max(values)) + 1e-9)
+
+
+def legend(method, rows):
+    if method == "envbake":
+        return "envbake (tolerance, or one setting)"
+    settings = [int(float(r["setting"])) for r in rows if r["method"] == method]
+    return f"{method} ({min(settings):,} .. {max(settings):,} {UNITS[method]})"
 
 
 def power(exponent):
@@ -95,12 +101,12 @@ def draw(stage, rows):
     x_range, y_range = decades(seconds), decades(errors)
     width = LEFT + len(inputs) * (PANEL_WIDTH + GAP)
     height = TOP + PANEL_HEIGHT + BOTTOM
-    width = max(width, LEFT + 330)
+    title = f"{TITLES[stage]}: error against CPU seconds"
+    width = max(width, LEFT + 7 * len(title))
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
            f'viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="11">',
            '<style>.t{fill:#777}.g{stroke:#888;stroke-opacity:.28;fill:none}</style>',
-           f'<text class="t" x="{LEFT}" y="20" font-size="13">{TITLES[stage]}: '
-           'error against CPU seconds</text>']
+           f'<text class="t" x="{LEFT}" y="20" font-size="13">{title}</text>']
     for i, name in enumerate(inputs):
         panel = Panel(LEFT + i * (PANEL_WIDTH + GAP), x_range, y_range)
         out += panel.axes(name, i == 0)
@@ -113,7 +119,7 @@ def draw(stage, rows):
     for i, method in enumerate(methods):
         out.append(f'<circle cx="{LEFT + 5}" cy="{y + 16 * i - 4}" r="4" '
                    f'fill="{COLOURS[method]}"/>')
-        out.append(f'<text class="t" x="{LEFT + 16}" y="{y + 16 * i}">{SETTINGS[method]}</text>')
+        out.append(f'<text class="t" x="{LEFT + 16}" y="{y + 16 * i}">{legend(method, rows)}</text>')
     out.append(f'<text class="t" x="{LEFT + 330}" y="{y}">filled: worst; open, dashed: rms</text>'
                if len(inputs) > 1 else
                f'<text class="t" x="{LEFT}" y="{y + 16 * len(methods)}">'

@@ -52,7 +52,7 @@ def main():
     with open(sys.argv[1], newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     panels = list(dict.fromkeys((r["scene"], r["environment"]) for r in rows))
-    width, height = LEFT + len(panels) * (WIDTH + GAP), TOP + HEIGHT + BOTTOM
+    width, height = LEFT + max(len(panels) * (WIDTH + GAP), 3 * 170 + 210), TOP + HEIGHT + BOTTOM
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
            f'viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="11">',
            '<style>.t{fill:#777}.g{stroke:#888;stroke-opacity:.28;fill:none}</style>',

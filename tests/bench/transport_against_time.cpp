@@ -20,7 +20,7 @@
 // scaling  input,vertices,threads,wall_s,cpu_us,bare_us
 //          one shape at 10^4 .. 10^6 vertices, 448 rays for each: microseconds a vertex
 //
-// Further arguments: scenes by their name; none: all four.
+// Further arguments: scenes by their name, none: all four; of scaling, the most vertices.
 #include "baker/core/parallel.h"
 #include "baker/input/read_scene.h"
 #include "baker/transport/free_vertices.h"
@@ -36,6 +36,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <filesystem>
 #include <numbers>
@@ -283,11 +284,12 @@ Mesh bumpy_ball(int level) {
     return mesh;
 }
 
-void measure_scaling() {
+void measure_scaling(double most_vertices) {
     constexpr int kRays = 448;
     const RaySet set = make_ray_set(kRays, kBands);
     for (const int level : {5, 6, 7, 8}) {
         const Scene scene = test::scene_of({bumpy_ball(level)});
+        if (static_cast<double>(vertices_of(scene)) > most_vertices) break;
         const auto tracer = Tracer::build(scene);
         if (!tracer) return;
         const auto count = static_cast<double>(vertices_of(scene));
@@ -328,7 +330,7 @@ int main(int argc, char** argv) {
     const std::string what = argc > 1 ? argv[1] : "";
     if (what == "scaling") {
         std::puts("input,vertices,threads,wall_s,cpu_us,bare_us");
-        bench::measure_scaling();
+        bench::measure_scaling(argc > 2 ? std::atof(argv[2]) : 1e6);
         return 0;
     }
     if (what == "ladder") {
@@ -341,7 +343,9 @@ int main(int argc, char** argv) {
             "points,"
             "stated_rms,true_rms");
     } else {
-        std::fprintf(stderr, "transport_against_time ladder|bare|bounces|scaling [SCENE...]\n");
+        std::fprintf(
+            stderr,
+            "transport_against_time ladder|bare|bounces [SCENE...] | scaling [MOST_VERTICES]\n");
         return 2;
     }
     std::vector<std::string> names(argv + 2, argv + argc);
