@@ -87,6 +87,16 @@ for name, b in json.load(sys.stdin)["metadata"]["brdf"].items():
         done
     done
 }
+glossy_bounces() {  # a plain dielectric all over, seen through a lobe of R0 = 1
+    local mesh roughness
+    for mesh in $(either suzanne "cornell_box dungeon_hall suzanne shader_ball"); do
+        for roughness in 0.5 0.8; do
+            tests/bench/with_material.py "$data/meshes/$mesh.glb" "$scratch/$mesh.glb" "$roughness" 0
+            bake "$scratch/$mesh.glb" --env "$sky" --glossy all --bounces all -o "$scratch/x.envb"
+            "$bin/glossy_bounces" "$scratch/$mesh.glb" "$scratch/x.envb" "$(either 50 200)"
+        done
+    done | without_headers
+}
 wavelets() {
     local scene size
     for scene in $(either stanford_bunny "stanford_bunny lucy_33k japanese_bridge_garden"); do
@@ -134,11 +144,11 @@ memory_vertices() {
         rm "$scratch/ground.glb"
     done
 }
-runtime() {  # for any x86-64, and for this machine
+for_both() {  # PROGRAM [FILTER]: built for any x86-64, and for this machine
     cmake --preset bench -B "$out/native" -DCMAKE_CXX_FLAGS=-march=native -DENVBAKE_TEST_DATA="$data" >&2
-    cmake --build "$out/native" --target runtime_bench >&2
-    google_benchmark "$(either 0.1 1)" runtime_bench /2000000 | sed '1s/^/build,/; 2,$s/^/any x86-64,/'
-    bin=$out/native/bin google_benchmark "$(either 0.1 1)" runtime_bench /2000000 | sed '1d; s/^/-march=native,/'
+    cmake --build "$out/native" --target "$1" >&2
+    google_benchmark "$(either 0.1 1)" "$@" | sed '1s/^/build,/; 2,$s/^/any x86-64,/'
+    bin=$out/native/bin google_benchmark "$(either 0.1 1)" "$@" | sed '1d; s/^/-march=native,/'
 }
 least_of_5() {  # COMMAND...: peak_mb,wall_s,cpu_s of the run of least CPU time
     local run
@@ -188,14 +198,15 @@ rebuilds() {  # each from the same older bundle
         ENVIRONMENTS="$(either lebombo_1k "kloppenheim_05_1k lebombo_1k")" \
         ROUGHNESS="$(either "0.3 0.6 1" "0.2 0.3 0.4 0.5 0.6 0.8 1")" \
         tests/bench/glossy_against_split_sum.sh "$out/glossy" "$data"
+    step glossy_bounces glossy_bounces
     step wavelets wavelets
     step pictures pictures
     step glossy_cost env SCENES="$(either "stanford_bunny suzanne" "stanford_bunny shader_ball dungeon_hall suzanne")" \
         tests/bench/glossy_cost.sh "$data"
     step bare "$bin/transport_against_time" bare $(either "stanford_bunny suzanne" "")
     step scaling "$bin/transport_against_time" scaling $(either 50000 1000000)
-    step runtime runtime
-    step glossy_runtime google_benchmark $(either 0.1 1) glossy_runtime_bench
+    step runtime for_both runtime_bench /2000000
+    step glossy_runtime for_both glossy_runtime_bench
     step memory_map memory_map
     step memory_vertices memory_vertices
     step start_up start_up

@@ -137,6 +137,13 @@ def glossy_pictures(rows):
                     for r in rows]
 
 
+def glossy_bounces(rows):
+    header = ["scene", "r", "with bounces", "without, on both sides", "left out", "noise of the truth"]
+    return header, [[name(r["scene"].removesuffix(".glb")), f"{float(r['roughness']):g}",
+                     *(f"{float(r[k]):.2g} %" for k in ("with_bounces", "without_on_both_sides", "left_out", "noise"))]
+                    for r in rows]
+
+
 def glossy_cost(rows):
     header = ["scene", "without", "with", "ratio"]
     return header, [[name(r["scene"]), seconds(r["without_cpu_s"]), seconds(r["with_cpu_s"]), r["ratio"]]
@@ -221,11 +228,11 @@ def runtime(rows):
 
 
 def glossy_runtime(rows):
-    header = ["what", "CPU time", "multiply-adds a second"]
+    header = ["what", "built for", "CPU time", "multiply-adds a second"]
     words = {"peak": "multiply-adds of a plain loop, 256,000 of them", "prepare_light": "a new light, once",
              "transfer": "what reaches a vertex", "reflect_lobe": "a lobe of it", "radiance": "a view of that",
              "matrices": "the matrices a and b themselves, instead"}
-    return header, [[words[r["name"].strip('"')], seconds(1e-9 * float(r["cpu_time"])),
+    return header, [[words[r["name"].strip('"')], r["build"], seconds(1e-9 * float(r["cpu_time"])),
                      f"{float(r['multiply_adds']) / 1e9:.1f} G" if r["multiply_adds"] else ""] for r in rows]
 
 
@@ -260,6 +267,7 @@ TABLES = {  # name: CSV, function
     "bounces": ("bounces", bounces),
     "bounces_time": ("bounces", bounces_time),
     "glossy_pictures": ("glossy_pictures", glossy_pictures),
+    "glossy_bounces": ("glossy_bounces", glossy_bounces),
     "glossy_cost": ("glossy_cost", glossy_cost),
     "wavelet_terms": ("wavelets", wavelet_terms),
     "wavelet_cost": ("wavelets", wavelet_cost),
