@@ -20,13 +20,13 @@ struct Opened {
 
 Expected<Opened> open_shard(const std::filesystem::path& path) {
     ENVBAKE_TRY(const format::Reader reader, open_bundle(path));
-    const auto info = reader.find(kShardName);
+    const auto info = reader.find(format::kShardName);
     if (!info)
         return Error{Errc::Usage,
                      concat(path.string(), ": is a whole bundle, not a part of `bake --shard`")};
     const Error damaged{Errc::InvalidBundle,
                         concat(path.string(), ": is damaged; bake this shard again")};
-    const auto part = reader.view<std::uint32_t>(kShardName);
+    const auto part = reader.view<std::uint32_t>(format::kShardName);
     const auto metadata = reader.find(format::kMetadataName);
     if (!part || part->size() != 2 || !reader.verify(*info) || !metadata ||
         !reader.verify(*metadata))

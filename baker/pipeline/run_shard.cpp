@@ -101,7 +101,7 @@ Expected<void> ShardRun::execute() {
     }
     const std::uint32_t part[2] = {static_cast<std::uint32_t>(request_.shard->index),
                                    static_cast<std::uint32_t>(request_.shard->count)};
-    ENVBAKE_TRY_VOID(add<std::uint32_t>(kShardName, {2}, part));
+    ENVBAKE_TRY_VOID(add<std::uint32_t>(std::string(format::kShardName), {2}, part));
     Json json = shared_json(request_, inputs_, describe_bake(request_, inputs_, plan_));
     json["shard"] = shard_json(request_.shard);
     json["results"] = std::move(results_);

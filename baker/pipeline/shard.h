@@ -13,11 +13,9 @@
 namespace envbake {
 
 // A shard is a bundle that holds what the stages gave for a part of a bake's work, before any
-// encoding. Its arrays, beside "shard" and "metadata", stand under "shard/"; what they are is a
-// matter between one version's `bake --shard` and `merge`, so their metadata has the C++ names.
-
-/// u32 [2], index and count: by this array every reader tells a shard from a bundle.
-inline constexpr const char* kShardName = "shard";
+// encoding. By format::kShardName every reader knows it. Its other arrays stand under "shard/";
+// what they are is a matter between one version's `bake --shard` and `merge`, so its metadata has
+// the names that the code has.
 
 /// What of a bake is one shard's. Vertices are cut into blocks, the blocks of all meshes that get
 /// transport are numbered through, and each shard has as many of them as the others; what no
