@@ -81,6 +81,19 @@ void print_stages(const BakePlan& plan, const BakeOutcome& outcome, std::ostream
     if (!outcome.traced) err << "envbake: no ray was traced\n";
 }
 
+/// "3/8"
+Shard shard_of(const std::string& text) {
+    Shard shard;
+    const auto slash = text.find('/');
+    if (slash == std::string::npos ||
+        !CLI::detail::lexical_cast(text.substr(0, slash), shard.index) ||
+        !CLI::detail::lexical_cast(text.substr(slash + 1), shard.count) || shard.index < 1 ||
+        shard.index > shard.count || shard.count > kMaxShards)
+        throw CLI::ValidationError(
+            "--shard", concat(text, ": I/N, part I of N, 1 to N; N up to ", kMaxShards));
+    return shard;
+}
+
 Expected<void> bake(const BakeOptions& options, std::ostream& err) {
     const BakeRequest& request = options.request;
     if (!options.force) {
@@ -103,21 +116,28 @@ Expected<void> bake(const BakeOptions& options, std::ostream& err) {
     if (inputs.scene) ENVBAKE_TRY_VOID(check_output(request.output, inputs.scene->files_read));
     ENVBAKE_TRY(const std::string depfile, depfile_content(options, files_read(inputs, request)));
     ENVBAKE_TRY(const BakePlan plan, make_plan(request, inputs.facts));
-    ENVBAKE_TRY(
-        const BakeOutcome outcome,
-        run_plan(request, inputs, plan, options.force ? Older::Forget : Older::Keep, progress));
-    printer.reset();
-    if (!options.quiet) {
-        print_notes(inputs, err);
-        for (const std::string& line : outcome.shortfalls)
-            err << "envbake: " << printable(request.output.string()) << ": " << line << '\n';
+    std::optional<BakeOutcome> outcome;  // of a shard, merge says how it came out
+    if (request.shard) {
+        ENVBAKE_TRY_VOID(run_shard(request, inputs, plan, progress));
+    } else {
+        ENVBAKE_TRY(outcome, run_plan(request, inputs, plan,
+                                      options.force ? Older::Forget : Older::Keep, progress));
     }
+    printer.reset();
+    if (!options.quiet) print_notes(inputs, err);
+    if (!options.quiet && outcome) print_shortfalls(request.output, *outcome, err);
     ENVBAKE_TRY_VOID(write_depfile(options, depfile));
-    if (options.verbose) print_stages(plan, outcome, err);
+    if (options.verbose && outcome) print_stages(plan, *outcome, err);
     return {};
 }
 
 }  // namespace
+
+void print_shortfalls(const std::filesystem::path& output, const BakeOutcome& outcome,
+                      std::ostream& err) {
+    for (const std::string& line : outcome.shortfalls)
+        err << "envbake: " << printable(output.string()) << ": " << line << '\n';
+}
 
 RunCommand declare_bake(CLI::App& app) {
     const auto options = std::make_shared<BakeOptions>();
@@ -125,6 +145,12 @@ RunCommand declare_bake(CLI::App& app) {
     app.add_option("-o,--output", options->request.output, "Bundle to write (.envb)")->required();
     app.add_option("--depfile", options->depfile,
                    "Also write which files the bundle depends on, for make, ninja or CMake");
+    app.add_option_function<std::string>(
+           "--shard",
+           [options](const std::string& text) { options->request.shard = shard_of(text); },
+           "Bake part I of N of the work, on any machine; `envbake merge` joins the parts")
+        ->type_name("I/N")
+        ->excludes("--time-budget");
     app.add_flag("--force", options->force, "Bake everything, whatever the older bundle has");
     app.add_option("--threads", options->threads, "Threads; 0 uses every core")
         ->capture_default_str()

@@ -308,19 +308,26 @@ void print_notes(const Json& metadata, std::ostream& out) {
     for (const Json& note : notes) out << printable(note.get<std::string>()) << '\n';
 }
 
+/// "part 2 of 3, "; of a whole bundle nothing.
+std::string part_of(const format::Reader& reader) {
+    const auto part = reader.view<std::uint32_t>(format::kShardName);
+    return part && part->size() == 2 ? concat("part ", (*part)[0], " of ", (*part)[1], ", ") : "";
+}
+
 void print_text(const std::filesystem::path& file, const format::Reader& reader,
                 const std::vector<DumpedArray>& arrays, const Json& metadata, std::ostream& out) {
     const auto damaged =
         std::find_if(arrays.begin(), arrays.end(), [](const DumpedArray& a) { return !a.intact; });
+    const bool shard = reader.find(format::kShardName).has_value();
     out << printable(file.filename().string()) << "    envbake bundle " << reader.major() << '.'
-        << reader.minor() << ", " << format_bytes(reader.file().size()) << ", " << arrays.size()
-        << " arrays, "
+        << reader.minor() << ", " << part_of(reader) << format_bytes(reader.file().size()) << ", "
+        << arrays.size() << " arrays, "
         << (damaged == arrays.end() ? std::string("intact")
                                     : concat("DAMAGED: ", damaged->info.name))
         << '\n';
     try {
         print_inputs(metadata, out);
-        print_errors(metadata, out);
+        if (!shard) print_errors(metadata, out);
         print_lights(reader, metadata, out);
         print_window(metadata, out);
         print_wavelets(metadata, out);
@@ -332,7 +339,7 @@ void print_text(const std::filesystem::path& file, const format::Reader& reader,
                  metadata.is_object() ? metadata.value("arrays", Json::object()) : Json::object(),
                  out);
     try {
-        print_norms(metadata.at("arrays"), out);
+        if (!shard) print_norms(metadata.at("arrays"), out);
         print_skipped_stages(metadata.at("plan"), out);
         print_notes(metadata, out);
     } catch (const Json::exception&) {

@@ -22,6 +22,7 @@ struct Entry {
 
 constexpr Entry kCommands[] = {
     {"bake", "Bake a bundle from a scene, an environment, or both", declare_bake},
+    {"merge", "Join the parts of a bake on many machines", declare_merge},
     {"plan", "Say what bake would do and why; bakes nothing", declare_plan},
     {"dump", "Describe a bundle", declare_dump},
     {"validate", "Check a bundle against every rule of the format", declare_validate},

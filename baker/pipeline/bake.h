@@ -36,6 +36,9 @@ struct BakeInputs {
         std::chrono::steady_clock::now();  ///< reading them; BakeRequest::time_budget counts on
 };
 
+/// File name of the environment; "" without one.
+std::string environment_name(const BakeInputs& inputs);
+
 /// Reads the request's files and collects the facts the plan needs. No ray is cast.
 Expected<BakeInputs> load_inputs(const BakeRequest& request);
 
@@ -48,7 +51,7 @@ enum class Older {
 struct BakeOutcome {
     std::vector<std::string> shortfalls;  ///< what fell short of the tolerance, one line each
     std::vector<bool> kept;               ///< one a stage: taken from the older bundle
-    bool traced = false;                  ///< some stage had a tracer built
+    bool traced = false;                  ///< some stage had rays to cast
 };
 
 /// Runs the plan and writes the bundle: the same bytes, whatever was kept. Nothing stands under
@@ -59,6 +62,21 @@ struct BakeOutcome {
 ///          InvalidInput  the environment is so bright that its lighting leaves the range of f32
 Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inputs,
                                const BakePlan& plan, Older older, Progress& progress);
+
+/// Runs request.shard's part of the plan and writes what it gives, for merge_shards().
+///
+/// Errors:  Failed  as run_plan()
+///          Usage   the plan has bounces
+Expected<void> run_shard(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
+                         Progress& progress);
+
+/// Makes of all shards of a bake, in any order, the bundle that run_plan() makes, byte for byte.
+///
+/// Errors:  InvalidBundle  a shard is damaged, or of another bake than the first
+///          Usage          a file is no shard; a shard is missing, or there twice
+///          Failed         a file cannot be read, or the output not be written
+Expected<BakeOutcome> merge_shards(const std::vector<std::filesystem::path>& shards,
+                                   const std::filesystem::path& output, Progress& progress);
 
 /// The files that request.output was baked from, where it is an undamaged bundle that the same tool
 /// made from the same inputs and options; else nothing. Reads and hashes files; opens no image and

@@ -100,6 +100,7 @@ inline constexpr FormatRule kClustersWhole{223, "ClustersWhole"};
 inline constexpr FormatRule kClusterType{224, "ClusterType"};
 inline constexpr FormatRule kClusterShape{225, "ClusterShape"};
 inline constexpr FormatRule kClusterNumber{226, "ClusterNumber"};
+inline constexpr FormatRule kShardPart{230, "ShardPart"};
 }  // namespace rule
 
 }  // namespace envbake

@@ -68,6 +68,12 @@ void collect_lighting_facts(const BakeRequest& request, BakeInputs& inputs) {
 
 }  // namespace
 
+std::string environment_name(const BakeInputs& inputs) {
+    for (const InputFile& file : inputs.files)
+        if (file.role == "environment") return file.name;
+    return "";
+}
+
 Expected<BakeInputs> load_inputs(const BakeRequest& request) {
     BakeInputs inputs;
     if (!request.environment.empty()) start_image_worker();

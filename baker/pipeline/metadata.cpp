@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/pipeline/metadata.h"
 
+#include "baker/pipeline/stage_key.h"
+
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -118,7 +120,7 @@ Json window_json(const ShWindow& window) {
 }
 
 Json environment_json(const BakeRequest& request, const Environment& environment,
-                      const EnvironmentFacts& facts, const BakeReport& report) {
+                      const EnvironmentFacts& facts) {
     Json json;
     if (const auto* grid = std::get_if<LatLongGrid>(&environment.grid)) {
         json["mapping"] = "latitude-longitude";
@@ -140,10 +142,6 @@ Json environment_json(const BakeRequest& request, const Environment& environment
                           {"share", rounded(facts.lights.share)},
                           {"extracted", request.extract_lights}};
     json["sh_shadow_loss"] = rounded(facts.sh_shadow_loss);
-    if (report.window) json["window"] = window_json(*report.window);
-    if (!report.ggx.mip_levels.empty()) json["mips"] = mips_json(report.ggx, report.mip_count);
-    if (!report.beckmann.mip_levels.empty())
-        json["mips_beckmann"] = mips_json(report.beckmann, report.mip_count);
     return json;
 }
 
@@ -218,10 +216,9 @@ Json wavelet_mesh_json(const WaveletReport& r) {
             {"coefficients", r.coeff_count}};
 }
 
-Json meshes_json(const Scene& scene, const BakeReport& report) {
+Json meshes_json(const Scene& scene) {
     Json list = Json::array();
-    for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
-        const Mesh& mesh = scene.meshes[i];
+    for (const Mesh& mesh : scene.meshes) {
         Json json = {{"node", mesh.node},
                      {"node_name", mesh.node_name},
                      {"mesh", mesh.mesh},
@@ -233,6 +230,14 @@ Json meshes_json(const Scene& scene, const BakeReport& report) {
                      {"normals", mesh.normals_computed ? "computed" : "from the file"}};
         if (!mesh.receives) json["receives"] = false;
         if (!mesh.casts) json["casts"] = false;
+        list.push_back(std::move(json));
+    }
+    return list;
+}
+
+void add_reports(Json& meshes, const BakeReport& report) {
+    for (std::size_t i = 0; i < meshes.size(); ++i) {
+        Json& json = meshes[i];
         if (report.diffuse[i]) json["diffuse"] = diffuse_json(*report.diffuse[i]);
         if (report.glossy[i]) json["glossy"] = glossy_json(*report.glossy[i]);
         if (report.wavelet)
@@ -240,9 +245,7 @@ Json meshes_json(const Scene& scene, const BakeReport& report) {
                 if (index == i) json["wavelet"] = wavelet_mesh_json(r);
         if (i < report.encodings.size() && !report.encodings[i].name.empty())
             json["diffuse"]["encoding"] = encoding_json(report.encodings[i]);
-        list.push_back(std::move(json));
     }
-    return list;
 }
 
 template <class T>
@@ -342,6 +345,10 @@ const char* encoding_name(Encoding encoding) {
     return kNames[static_cast<std::size_t>(encoding)];
 }
 
+Json shard_json(const std::optional<Shard>& shard) {
+    return shard ? Json{shard->index, shard->count} : Json();
+}
+
 Json options_json(const BakeRequest& r) {
     return {{"tolerance", r.tolerance},
             {"bands", r.bands},
@@ -382,8 +389,7 @@ Json plan_json(const BakePlan& plan) {
     return list;
 }
 
-Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
-                   const BakeReport& report) {
+Json describe_bake(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan) {
     Json json;
     json["tool"] = {{"name", "envbake"}, {"version", tool_version()}};
     json["inputs"] = inputs_json(inputs.files);
@@ -391,7 +397,31 @@ Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const B
     json["conventions"] = conventions();
     if (inputs.environment)
         json["environment"] =
-            environment_json(request, *inputs.environment, *inputs.facts.environment, report);
+            environment_json(request, *inputs.environment, *inputs.facts.environment);
+    if (inputs.scene) {
+        json["scene"] = {{"materials", inputs.scene->materials.size()},
+                         {"notes", inputs.scene->notes}};
+        json["meshes"] = meshes_json(*inputs.scene);
+    }
+    json["plan"] = plan_json(plan);
+    const std::vector<std::string> keys = stage_keys(request, inputs, plan);
+    for (std::size_t i = 0; i < keys.size(); ++i)
+        if (!keys[i].empty()) json["plan"][i]["key"] = keys[i];
+    return json;
+}
+
+Json metadata_json(const Json& described, const BakeRequest& request, const BakeReport& report) {
+    Json json;
+    for (const char* name : {"tool", "inputs", "options", "conventions"})
+        json[name] = described.at(name);
+    if (described.contains("environment")) {
+        Json& environment = json["environment"] = described.at("environment");
+        if (report.window) environment["window"] = window_json(*report.window);
+        if (!report.ggx.mip_levels.empty())
+            environment["mips"] = mips_json(report.ggx, report.mip_count);
+        if (!report.beckmann.mip_levels.empty())
+            environment["mips_beckmann"] = mips_json(report.beckmann, report.mip_count);
+    }
     if (report.ggx.table) json["brdf"]["ggx"] = table_json(*report.ggx.table, request.table_axes);
     if (report.beckmann.table)
         json["brdf"]["beckmann"] = table_json(*report.beckmann.table, request.table_axes);
@@ -399,22 +429,17 @@ Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const B
     if (report.beckmann_lobe) json["brdf"]["beckmann_lobe"] = lobe_json(*report.beckmann_lobe);
     if (report.wavelet) json["wavelet"] = wavelet_json(*report.wavelet);
     if (report.bounces) json["bounces"] = bounces_json(*report.bounces);
-    if (inputs.scene) {
-        json["scene"] = {{"materials", inputs.scene->materials.size()},
-                         {"notes", inputs.scene->notes}};
-        json["meshes"] = meshes_json(*inputs.scene, report);
+    if (described.contains("scene")) {
+        json["scene"] = described.at("scene");
+        add_reports(json["meshes"] = described.at("meshes"), report);
     }
     Json arrays = Json::object();
     for (const auto& [name, error] : report.array_errors)
         arrays[name] = {{"error", rounded(error.value)}, {"norm", error.norm}};
     json["arrays"] = std::move(arrays);
-    json["plan"] = plan_json(plan);
-    for (std::size_t i = 0; i < report.stages.size(); ++i) {
-        if (!plan.stages[i].job) continue;
-        const BakeReport::Stage& stage = report.stages[i];
-        if (!stage.key.empty()) json["plan"][i]["key"] = stage.key;
-        json["plan"][i]["arrays"] = stage.arrays;
-    }
+    Json& plan = json["plan"] = described.at("plan");
+    for (std::size_t i = 0; i < report.stages.size(); ++i)
+        if (plan[i].at("decision") == "bake") plan[i]["arrays"] = report.stages[i].arrays;
     json["self_test"] = {{"tolerance", report.self_test_tolerance}};
     return json;
 }

@@ -80,15 +80,21 @@ struct BakeReport {
 /// The options that decide what the bytes are. Threads and verbosity are not among them.
 Json options_json(const BakeRequest& request);
 
+/// [index, count]; null of a whole bake.
+Json shard_json(const std::optional<Shard>& shard);
+
 /// "unorm8", as --encoding has it.
 const char* encoding_name(Encoding encoding);
 
 /// The plan as the bundle stores it: [{"output", "decision": "bake" | "skip", "reason"}].
 Json plan_json(const BakePlan& plan);
 
+/// What is known of a bake before its stages run.
+Json describe_bake(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan);
+
 /// The whole document, docs/format.md. Nothing in it changes from run to run.
-Json metadata_json(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
-                   const BakeReport& report);
+///   described  describe_bake()
+Json metadata_json(const Json& described, const BakeRequest& request, const BakeReport& report);
 
 /// Three significant digits: errors and statistics are estimates, and read better so. What is
 /// rounded stays what it is if it is rounded again.

@@ -7,11 +7,11 @@
 #include "baker/pipeline/metadata.h"
 #include "baker/pipeline/older_bundle.h"
 #include "baker/pipeline/self_test.h"
+#include "baker/pipeline/stage_source.h"
 #include "baker/pipeline/wavelet_stage.h"
 
 #include "envbake/format/writer.h"
 
-#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -26,13 +26,15 @@ auto& lobe_of(Lobes& lobes, runtime::Distribution distribution) {
     return distribution == runtime::Distribution::Ggx ? lobes.ggx : lobes.beckmann;
 }
 
-/// Runs one plan; holds what its stages share. Its stages stand by subject in run_lighting.cpp,
+/// Makes a bundle of what the stages of one plan give, wherever they are run (StageSource). Its
+/// stages stand by subject in run_lighting.cpp,
 /// run_transport.cpp, run_encoding.cpp, run_wavelet.cpp and run_self_test.cpp; what is not baked
 /// again in run_kept.cpp.
 class Run {
   public:
-    Run(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
-        format::Writer& writer, Progress& progress);
+    /// described  describe_bake()
+    Run(const BakeRequest& request, const BakeInputs& inputs, const Json& described,
+        const BakePlan& plan, StageSource& stages, format::Writer& writer, Progress& progress);
 
     /// Keeps the stages that an older bundle has with the same key: execute() will copy their
     /// arrays. What else a stage leaves, for the report and for the self-test, is read back now.
@@ -48,6 +50,9 @@ class Run {
     /// whole: its error is an rms, and that of a small mesh is as often above as below.
     std::vector<std::string> shortfalls() const;
     Expected<void> require_finite(std::span<const float> values) const;
+    std::uint64_t vertex_count(std::size_t mesh) const {
+        return inputs_.facts.meshes[mesh].vertex_count;
+    }
     format::Codec codec() const {
         return request_.compress ? format::Codec::Zstd : format::Codec::None;
     }
@@ -79,18 +84,13 @@ class Run {
     Expected<void> store_kept(const std::string& output, const PlannedDiffuse& diffuse);
     Expected<void> bake(const std::string& output, const PlannedDiffuse& diffuse);
     /// Bakes transport into memory, the same in every channel, for the bounces.
-    Expected<void> keep(const PlannedDiffuse& diffuse);
+    Expected<void> keep(const std::string& output, const PlannedDiffuse& diffuse);
     /// Adds the bounces to all that waited, and writes it, unless it waits for its encoding.
     Expected<void> bake(const std::string&, const PlannedBounces& bounces);
     Expected<void> bake(const std::string& output, const PlannedEmitted& planned);
-    Expected<void> build_tracer();
     /// The job with the mesh's part of the time that is left: by its share of the vertices that are
     /// still to be traced.
     DiffuseJob in_time(DiffuseJob job, std::size_t mesh);
-    /// Rows of one mesh, whatever waits for them, within the time that is left.
-    Expected<DiffuseReport> trace(const DiffuseJob& job, std::size_t mesh,
-                                  const std::function<Expected<void>(std::span<const float>)>& sink,
-                                  BlockedRays* blocked = nullptr);
     /// One bar for the transport of all meshes, once the first of them begins.
     void announce_transport();
 
@@ -140,13 +140,14 @@ class Run {
 
     const BakeRequest& request_;
     const BakeInputs& inputs_;
+    const Json& described_;
     const BakePlan& plan_;
+    StageSource& stages_;
     format::Writer& writer_;
     Progress& progress_;
     const OlderBundle* older_ = nullptr;
     std::vector<bool> kept_;            ///< one a stage
     std::vector<std::string> written_;  ///< arrays, since the stage began
-    std::optional<Tracer> tracer_;
     /// Rows of a mesh in the store.
     struct OnDisk {
         std::size_t mesh, begin, size;
@@ -155,7 +156,6 @@ class Run {
     std::optional<RowStore> store_;  ///< what does so and does not wait for bounces
     std::vector<OnDisk> on_disk_;
     std::vector<MeshTransport> transport_;  ///< what waits for its bounces or its turn
-    std::vector<BlockedRays> blocked_;      ///< the rays of that
     int bounce_channels_ = 1;
     std::optional<WaveletStage> wavelet_;
     std::vector<float> wavelet_weights_;
@@ -163,5 +163,11 @@ class Run {
     BakeReport report_;
     StoredArrays stored_;
 };
+
+/// run_plan(), of stages that run here or ran elsewhere.
+///   described  describe_bake()
+Expected<BakeOutcome> write_bundle(const BakeRequest& request, const BakeInputs& inputs,
+                                   const Json& described, const BakePlan& plan, StageSource& stages,
+                                   Older older, Progress& progress);
 
 }  // namespace envbake

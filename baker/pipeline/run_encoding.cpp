@@ -34,7 +34,8 @@ Expected<void> Run::keep_on_disk(const std::string& output, const PlannedDiffuse
     }
     const std::size_t begin = store_->size();
     const auto sink = [&](std::span<const float> rows) { return store_->append(rows); };
-    ENVBAKE_TRY(DiffuseReport report, trace(diffuse.job, diffuse.mesh, sink));
+    ENVBAKE_TRY(DiffuseReport report, stages_.rows(output, in_time(diffuse.job, diffuse.mesh),
+                                                   diffuse.mesh, false, sink));
     report_.array_errors[output] = {report.error_rms,
                                     "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
     report_.diffuse[diffuse.mesh] = report;
@@ -64,7 +65,7 @@ Expected<void> Run::bake(const std::string&, const PlannedEncoding& planned) {
         encode_transport(planned.encoding, parts, coeffs * channels, planned.tolerance * norm,
                          planned.tolerance, request_.seed);
     if (!encoded.clusters.clusters.empty()) ENVBAKE_TRY_VOID(write_basis(encoded.clusters, coeffs));
-    report_.encodings.resize(inputs_.scene->meshes.size());
+    report_.encodings.resize(inputs_.facts.meshes.size());
     for (std::size_t i = 0; i < parts.size(); ++i) {
         const EncodedPart& part = encoded.parts[i];
         ENVBAKE_TRY_VOID(write(parts[i], part, encoded.clusters, coeffs));

@@ -98,7 +98,7 @@ Expected<void> Run::read_back(const std::string& output, const PlannedLobe& plan
 }
 
 Expected<void> Run::read_back(const std::string& output, const PlannedGlossy& glossy) {
-    const std::uint64_t vertices = inputs_.scene->meshes[glossy.mesh].vertex_count();
+    const std::uint64_t vertices = vertex_count(glossy.mesh);
     report_.glossy[glossy.mesh] = read_glossy(older_mesh(glossy.mesh).at("glossy"), glossy.errors);
     const auto row_size = static_cast<std::size_t>(glossy.job.row_bands * glossy.job.row_bands);
     ENVBAKE_TRY(const OlderRows rows, OlderRows::open(*older_, output, vertices, row_size));
@@ -112,7 +112,7 @@ Expected<void> Run::read_back(const std::string& output, const PlannedGlossy& gl
 
 Expected<void> Run::read_back(const std::string& output, const PlannedDiffuse& diffuse) {
     if (!diffuse.job.shadowed) return {};
-    const std::uint64_t vertices = inputs_.scene->meshes[diffuse.mesh].vertex_count();
+    const std::uint64_t vertices = vertex_count(diffuse.mesh);
     report_.diffuse[diffuse.mesh] = read_diffuse(older_mesh(diffuse.mesh).at("diffuse"));
     const auto row_size =
         static_cast<std::size_t>(diffuse.job.bands * diffuse.job.bands * bounce_channels_);
@@ -139,7 +139,7 @@ Expected<void> Run::read_back(const std::string&, const PlannedBounces&) {
 }
 
 Expected<void> Run::read_back(const std::string&, const PlannedEncoding&) {
-    report_.encodings.resize(inputs_.scene->meshes.size());
+    report_.encodings.resize(inputs_.facts.meshes.size());
     for (std::size_t mesh = 0; mesh < report_.encodings.size(); ++mesh)
         if (report_.diffuse[mesh])
             report_.encodings[mesh] = read_encoding(older_mesh(mesh).at("diffuse").at("encoding"));
@@ -147,7 +147,7 @@ Expected<void> Run::read_back(const std::string&, const PlannedEncoding&) {
 }
 
 Expected<void> Run::read_back(const std::string&, const PlannedWavelet& planned) {
-    const std::uint64_t vertices = inputs_.scene->meshes[planned.mesh].vertex_count();
+    const std::uint64_t vertices = vertex_count(planned.mesh);
     wavelet(planned.job).add_mesh(planned.mesh, vertices);
     report_.wavelet->step = wavelet_->step();
     report_.wavelet->meshes.emplace_back(planned.mesh,

@@ -49,7 +49,8 @@ Expected<void> Run::bake(const std::string& output, const PlannedSh& sh) {
 
 Expected<void> Run::bake(const std::string& output, const PlannedMips& mips) {
     report_.mip_count = stored_.mip_count = mips.level_count;
-    for (Mip& mip : bake_mips(mips.job, *inputs_.environment, progress_)) {
+    ENVBAKE_TRY(std::vector<Mip> baked, stages_.mips(output, mips.job));
+    for (Mip& mip : baked) {
         mip.error_estimate += mips.contrast;
         lobe_of(report_, mips.job.distribution)
             .mip_levels.push_back(
@@ -88,7 +89,7 @@ Expected<void> Run::store(const std::string& name, const Mip& mip,
 }
 
 Expected<void> Run::bake(const std::string& output, const PlannedTable& planned) {
-    BrdfTable table = bake_brdf_table(planned.job);
+    ENVBAKE_TRY(BrdfTable table, stages_.table(output, planned.job));
     StoredArrays::Lobe& stored = lobe_of(stored_, planned.job.distribution);
     stored.table_size = planned.job.size;
     stored_.table_axes = planned.job.axes;
@@ -117,7 +118,7 @@ Expected<void> Run::bake(const std::string& output, const PlannedTable& planned)
 
 Expected<void> Run::bake(const std::string& output, const PlannedLobe& planned) {
     const LobeExpansionJob& job = planned.job;
-    const LobeExpansion lobe = expand_lobe(job);
+    ENVBAKE_TRY(const LobeExpansion lobe, stages_.lobe(output, job));
     const auto rows = static_cast<std::uint64_t>(lobe.rows);
     const auto store = [&](const char* part, std::span<const float> values) {
         return add<float>(concat(output, part), {rows, 2, values.size() / (2 * rows)}, values,

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/core/text.h"
 #include "baker/pipeline/run.h"
-#include "baker/pipeline/stage_key.h"
 
 #include <cmath>
 #include <new>
@@ -9,16 +8,18 @@
 
 namespace envbake {
 
-Run::Run(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
-         format::Writer& writer, Progress& progress)
+Run::Run(const BakeRequest& request, const BakeInputs& inputs, const Json& described,
+         const BakePlan& plan, StageSource& stages, format::Writer& writer, Progress& progress)
     : request_(request),
       inputs_(inputs),
+      described_(described),
       plan_(plan),
+      stages_(stages),
       writer_(writer),
       progress_(progress),
       kept_(plan.stages.size(), false) {
-    for (const std::string& key : stage_keys(request, inputs, plan))
-        report_.stages.push_back({key, {}});
+    for (const Json& stage : described.at("plan"))
+        report_.stages.push_back({stage.value("key", std::string()), {}});
     choose_self_test_vertices();
     for (const PlannedStage& stage : plan.stages) {
         if (!stage.job) continue;
@@ -28,12 +29,10 @@ Run::Run(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& p
             bounce_channels_ = bounces->job.channels;
         encoded_ = encoded_ || std::holds_alternative<PlannedEncoding>(*stage.job);
     }
-    if (!inputs.scene) return;
-    const std::size_t meshes = inputs.scene->meshes.size();
+    const std::size_t meshes = inputs.facts.meshes.size();
     report_.diffuse.resize(meshes);
     report_.glossy.resize(meshes);
     transport_.resize(meshes);
-    blocked_.resize(meshes);
 }
 
 Expected<BakeOutcome> Run::execute() {
@@ -54,12 +53,12 @@ Expected<BakeOutcome> Run::execute() {
         report_.stages[i].arrays = written_;
     }
     ENVBAKE_TRY_VOID(write_self_test());
-    const std::string metadata = to_text(metadata_json(request_, inputs_, plan_, report_), 1);
+    const std::string metadata = to_text(metadata_json(described_, request_, report_), 1);
     ENVBAKE_TRY_VOID(
         add<std::uint8_t>(std::string(format::kMetadataName), {metadata.size()},
                           {reinterpret_cast<const std::uint8_t*>(metadata.data()), metadata.size()},
                           format::Codec::None));
-    return BakeOutcome{shortfalls(), kept_, tracer_.has_value()};
+    return BakeOutcome{shortfalls(), kept_};
 }
 
 std::vector<std::string> Run::shortfalls() const {
@@ -74,15 +73,15 @@ std::vector<std::string> Run::shortfalls() const {
             judge(name, rounded(error.value));
     if (report_.bounces) judge("mesh/*/emitted", rounded(report_.bounces->emitted_error_rms));
     const auto judge_scene = [&](std::string_view name, const auto& of_meshes) {
-        double square_sum = 0, vertex_count = 0;
+        double square_sum = 0, vertices = 0;
         for (std::size_t m = 0; m < of_meshes.size(); ++m) {
             if (!of_meshes[m]) continue;
-            const auto count = static_cast<double>(inputs_.scene->meshes[m].vertex_count());
+            const auto count = static_cast<double>(vertex_count(m));
             const double rms = rounded(of_meshes[m]->error_rms);
             square_sum += rms * rms * count;
-            vertex_count += count;
+            vertices += count;
         }
-        if (vertex_count > 0) judge(name, std::sqrt(square_sum / vertex_count));
+        if (vertices > 0) judge(name, std::sqrt(square_sum / vertices));
     };
     judge_scene("mesh/*/diffuse", report_.diffuse);
     judge_scene("mesh/*/glossy", report_.glossy);
@@ -93,7 +92,7 @@ Expected<void> Run::require_finite(std::span<const float> values) const {
     for (const float value : values)
         if (!std::isfinite(value))
             return Error{Errc::InvalidInput,
-                         concat(inputs_.environment->file_name,
+                         concat(environment_name(inputs_),
                                 ": too bright: its lighting leaves the range of 32-bit floats; "
                                 "scale the image down")};
     return {};
@@ -118,8 +117,9 @@ Expected<void> Run::checked(const format::Expected<void>& done) const {
                  concat(request_.output.string(), ": ", format::to_string(done.error()))};
 }
 
-Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inputs,
-                               const BakePlan& plan, Older older, Progress& progress) try {
+Expected<BakeOutcome> write_bundle(const BakeRequest& request, const BakeInputs& inputs,
+                                   const Json& described, const BakePlan& plan, StageSource& stages,
+                                   Older older, Progress& progress) try {
     auto writer = format::Writer::create(request.output.string());
     if (!writer)
         return Error{Errc::Failed,
@@ -127,9 +127,12 @@ Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inp
     std::optional<OlderBundle> bundle;
     if (older == Older::Keep) bundle = OlderBundle::open(request.output);
     std::optional<Run> run;
-    run.emplace(request, inputs, plan, *writer, progress);
+    const auto begin = [&] {
+        run.emplace(request, inputs, described, plan, stages, *writer, progress);
+    };
+    begin();
     // Nothing is written yet: what turns out not to be what it says is baked over.
-    if (bundle && !run->take_over(*bundle)) run.emplace(request, inputs, plan, *writer, progress);
+    if (bundle && !run->take_over(*bundle)) begin();
     ENVBAKE_TRY(auto outcome, run->execute());
     if (auto finished = writer->finish(); !finished)
         return Error{Errc::Failed,
@@ -137,6 +140,16 @@ Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inp
     return outcome;
 } catch (const std::bad_alloc&) {
     return Error{Errc::Failed, "out of memory: bake a smaller scene, or fewer meshes at once"};
+}
+
+Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inputs,
+                               const BakePlan& plan, Older older, Progress& progress) {
+    BakedStages stages(inputs, progress);
+    ENVBAKE_TRY(BakeOutcome outcome,
+                write_bundle(request, inputs, describe_bake(request, inputs, plan), plan, stages,
+                             older, progress));
+    outcome.traced = stages.traced();
+    return outcome;
 }
 
 }  // namespace envbake

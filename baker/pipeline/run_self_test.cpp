@@ -14,7 +14,7 @@ void Run::choose_self_test_vertices() {
     for (const PlannedStage& stage : plan_.stages) {
         const auto* diffuse = stage.job ? std::get_if<PlannedDiffuse>(&*stage.job) : nullptr;
         if (diffuse == nullptr || !diffuse->job.shadowed) continue;
-        baked.emplace_back(diffuse->mesh, inputs_.scene->meshes[diffuse->mesh].vertex_count());
+        baked.emplace_back(diffuse->mesh, vertex_count(diffuse->mesh));
         total += baked.back().second;
     }
     if (total == 0) return;
@@ -32,7 +32,7 @@ void Run::choose_self_test_vertices() {
 
 void Run::choose_glossy_vertices(std::size_t mesh) {
     constexpr std::uint64_t kEach = 6, kMost = 12;
-    const std::uint64_t count = inputs_.scene->meshes[mesh].vertex_count();
+    const std::uint64_t count = vertex_count(mesh);
     for (std::uint64_t k = 0; k < std::min(kEach, count); ++k)
         if (stored_.glossy_vertices.size() < kMost)
             stored_.glossy_vertices.push_back(

@@ -12,28 +12,15 @@
 
 namespace envbake {
 
-Expected<void> Run::build_tracer() {
-    if (tracer_) return {};
-    ENVBAKE_TRY(tracer_, Tracer::build(*inputs_.scene));
-    return {};
-}
-
 DiffuseJob Run::in_time(DiffuseJob job, std::size_t mesh) {
     if (request_.time_budget <= 0 || !job.shadowed) return job;
     constexpr double kForTheRest = 0.05;  // self-test, compression, the way to the disk
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - inputs_.begun;
     const double left = (1 - kForTheRest) * request_.time_budget - elapsed.count();
-    const auto vertices = static_cast<double>(inputs_.scene->meshes[mesh].vertex_count());
+    const auto vertices = static_cast<double>(vertex_count(mesh));
     job.seconds = std::max(left * vertices / vertices_to_trace_, 1e-9);
     vertices_to_trace_ -= vertices;
     return job;
-}
-
-Expected<DiffuseReport> Run::trace(
-    const DiffuseJob& job, std::size_t mesh,
-    const std::function<Expected<void>(std::span<const float>)>& sink, BlockedRays* blocked) {
-    return bake_diffuse(in_time(job, mesh), *inputs_.scene, mesh, *tracer_, sink, progress_,
-                        blocked);
 }
 
 void Run::announce_transport() {
@@ -43,9 +30,8 @@ void Run::announce_transport() {
             const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
             const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job);
             std::uint64_t vertices = 0;
-            if (diffuse != nullptr && !diffuse->from_glossy)
-                vertices = inputs_.scene->meshes[diffuse->mesh].vertex_count();
-            if (glossy != nullptr) vertices = inputs_.scene->meshes[glossy->mesh].vertex_count();
+            if (diffuse != nullptr && !diffuse->from_glossy) vertices = vertex_count(diffuse->mesh);
+            if (glossy != nullptr) vertices = vertex_count(glossy->mesh);
             total += vertices;
             if (glossy != nullptr || (diffuse != nullptr && diffuse->job.shadowed))
                 vertices_to_trace_ += static_cast<double>(vertices);
@@ -54,17 +40,16 @@ void Run::announce_transport() {
 }
 
 Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy) {
-    const Mesh& mesh = inputs_.scene->meshes[glossy.mesh];
+    const std::uint64_t vertices = vertex_count(glossy.mesh);
     const auto row_size = static_cast<std::uint64_t>(glossy.job.row_bands * glossy.job.row_bands);
     const auto diffuse_size = static_cast<std::size_t>(glossy.job.bands * glossy.job.bands);
-    ENVBAKE_TRY_VOID(build_tracer());
     // Any encoding of diffuse transport makes halves of these numbers: in 8 bits they would err
     // more than the tolerance.
     const bool half = request_.encoding != Encoding::F32;
     const auto type = half ? format::ElementType::F16 : format::ElementType::F32;
-    ENVBAKE_TRY_VOID(begin({output, type, {mesh.vertex_count(), row_size}, codec()}));
+    ENVBAKE_TRY_VOID(begin({output, type, {vertices, row_size}, codec()}));
     std::vector<float>& kept = transport_[glossy.mesh].rows;
-    if (glossy.with_diffuse) kept.reserve(mesh.vertex_count() * diffuse_size);
+    if (glossy.with_diffuse) kept.reserve(vertices * diffuse_size);
     double blocked_sum = 0, rounding_squares = 0;
     std::uint64_t first_vertex = 0;
     std::vector<format::Half> halves;
@@ -99,18 +84,18 @@ Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy)
         first_vertex += rows.size() / row_size;
         return append(stored);
     };
-    ENVBAKE_TRY(const DiffuseReport rays, trace(glossy.job, glossy.mesh, sink,
-                                                glossy.bounces ? &blocked_[glossy.mesh] : nullptr));
+    ENVBAKE_TRY(const DiffuseReport rays, stages_.rows(output, in_time(glossy.job, glossy.mesh),
+                                                       glossy.mesh, glossy.bounces, sink));
     ENVBAKE_TRY_VOID(end());
 
     const LobeErrors& lobe = glossy.errors;
-    const double blocked = std::max(
-        0.0, blocked_sum / static_cast<double>(std::max<std::size_t>(1, mesh.vertex_count())));
+    const double blocked =
+        std::max(0.0, blocked_sum / static_cast<double>(std::max<std::uint64_t>(1, vertices)));
     const double expansion = lobe.fit * std::sqrt(blocked);
     const double rounding =
         lobe.per_rounding_error *
         std::sqrt(rounding_squares /
-                  static_cast<double>(std::max<std::uint64_t>(1, row_size * mesh.vertex_count())));
+                  static_cast<double>(std::max<std::uint64_t>(1, row_size * vertices)));
     report_.glossy[glossy.mesh] = {
         rays, glossy.light_bands, lobe,
         std::hypot(lobe.per_transport_error * rays.error_rms, expansion, rounding),
@@ -120,17 +105,9 @@ Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy)
         "rms over vertices of |t - t_true|_F / |a + b of an open vertex|_F"};
     if (glossy.with_diffuse) report_.diffuse[glossy.mesh] = rays;
 
-    std::vector<float> normals;
-    const SurfacePoints points(mesh);
-    for (std::uint32_t v = 0; v < mesh.vertex_count(); ++v) {
-        const std::uint32_t place = points.representative(v);
-        const DVec3 normal =
-            place == SurfacePoints::kNone ? DVec3(0) : glm::normalize(DVec3(mesh.normals[place]));
-        for (int c = 0; c < 3; ++c) normals.push_back(static_cast<float>(normal[c]));
-    }
+    ENVBAKE_TRY(const std::vector<float> normals, stages_.normals(glossy.mesh));
     keep_self_test_normals(glossy.mesh, normals);
-    return add<float>(concat("mesh/", glossy.mesh, "/normal"), {mesh.vertex_count(), 3}, normals,
-                      codec());
+    return add<float>(concat("mesh/", glossy.mesh, "/normal"), {vertices, 3}, normals, codec());
 }
 
 Expected<void> Run::store_kept(const std::string& output, const PlannedDiffuse& diffuse) {
@@ -154,21 +131,20 @@ Expected<void> Run::store_kept(const std::string& output, const PlannedDiffuse& 
 }
 
 Expected<void> Run::bake(const std::string& output, const PlannedDiffuse& diffuse) {
-    const Mesh& mesh = inputs_.scene->meshes[diffuse.mesh];
     const auto coeffs = static_cast<std::uint64_t>(diffuse.job.bands * diffuse.job.bands);
-    ENVBAKE_TRY_VOID(build_tracer());
     if (diffuse.from_glossy) return store_kept(output, diffuse);
-    if (diffuse.bounces) return keep(diffuse);
+    if (diffuse.bounces) return keep(output, diffuse);
     if (encoded_ && diffuse.job.shadowed) return keep_on_disk(output, diffuse);
     ENVBAKE_TRY_VOID(
-        begin({output, format::ElementType::F32, {mesh.vertex_count(), coeffs}, codec()}));
+        begin({output, format::ElementType::F32, {vertex_count(diffuse.mesh), coeffs}, codec()}));
     std::uint64_t first_vertex = 0;
     const auto sink = [&](std::span<const float> rows) -> Expected<void> {
         if (diffuse.job.shadowed) keep_self_test_rows(diffuse.mesh, first_vertex, rows, coeffs);
         first_vertex += rows.size() / coeffs;
         return append(std::as_bytes(rows));
     };
-    ENVBAKE_TRY(DiffuseReport report, trace(diffuse.job, diffuse.mesh, sink));
+    ENVBAKE_TRY(DiffuseReport report, stages_.rows(output, in_time(diffuse.job, diffuse.mesh),
+                                                   diffuse.mesh, false, sink));
     ENVBAKE_TRY_VOID(end());
     report_.array_errors[output] = {report.error_rms,
                                     "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
@@ -176,9 +152,9 @@ Expected<void> Run::bake(const std::string& output, const PlannedDiffuse& diffus
     return {};
 }
 
-Expected<void> Run::keep(const PlannedDiffuse& diffuse) {
+Expected<void> Run::keep(const std::string& output, const PlannedDiffuse& diffuse) {
     std::vector<float>& kept = transport_[diffuse.mesh].rows;
-    const std::size_t vertices = inputs_.scene->meshes[diffuse.mesh].vertex_count();
+    const std::size_t vertices = vertex_count(diffuse.mesh);
     kept.reserve(vertices * static_cast<std::size_t>(diffuse.job.bands * diffuse.job.bands *
                                                      bounce_channels_));
     const auto sink = [&](std::span<const float> rows) -> Expected<void> {
@@ -187,18 +163,15 @@ Expected<void> Run::keep(const PlannedDiffuse& diffuse) {
         return {};
     };
     ENVBAKE_TRY(report_.diffuse[diffuse.mesh],
-                trace(diffuse.job, diffuse.mesh, sink, &blocked_[diffuse.mesh]));
+                stages_.rows(output, in_time(diffuse.job, diffuse.mesh), diffuse.mesh, true, sink));
     return {};
 }
 
 Expected<void> Run::bake(const std::string&, const PlannedBounces& bounces) {
     if (bounces.job.emission)
         for (std::size_t m = 0; m < transport_.size(); ++m)
-            if (!transport_[m].rows.empty())
-                transport_[m].emitted.resize(3 * inputs_.scene->meshes[m].vertex_count(), 0);
-    const BounceReport report =
-        add_bounces(bounces.job, *inputs_.scene, *tracer_, blocked_, transport_);
-    std::vector<BlockedRays>().swap(blocked_);
+            if (!transport_[m].rows.empty()) transport_[m].emitted.resize(3 * vertex_count(m), 0);
+    ENVBAKE_TRY(const BounceReport report, stages_.bounces(bounces.job, transport_));
     report_.bounces = report;
     const double left_out = bounces.job.bounces == kAllBounces ? report.left_out : 0;
     const auto coeffs = static_cast<std::uint64_t>(bounces.job.bands * bounces.job.bands);

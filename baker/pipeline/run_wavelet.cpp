@@ -14,22 +14,20 @@ WaveletStage& Run::wavelet(const WaveletJob& job) {
 }
 
 Expected<void> Run::bake(const std::string& output, const PlannedWavelet& planned) {
-    ENVBAKE_TRY_VOID(build_tracer());
     WaveletStage& stage = wavelet(planned.job);
-    const std::uint64_t vertex_count = inputs_.scene->meshes[planned.mesh].vertex_count();
+    const std::uint64_t vertices = vertex_count(planned.mesh);
     // Never compressed: a reader takes a few runs out of each block.
     ENVBAKE_TRY_VOID(
         begin({output + "/blocks", format::ElementType::U32, {format::kOpenEnded}, {}}));
     const auto sink = [&](std::span<const std::byte> bytes) -> Expected<void> {
         return append(bytes);
     };
-    progress_.begin("wavelet transport", "vertices", vertex_count);
+    progress_.begin("wavelet transport", "vertices", vertices);
     std::vector<std::uint32_t> offsets;
-    ENVBAKE_TRY(const WaveletReport report,
-                bake_wavelet(planned.job, stage.cube(), *inputs_.scene, planned.mesh, *tracer_,
-                             sink, offsets, stage.square_sums(), progress_));
+    ENVBAKE_TRY(const WaveletReport report, stages_.wavelet(output, planned.job, planned.mesh, sink,
+                                                            offsets, stage.square_sums()));
     ENVBAKE_TRY_VOID(end());
-    stage.add_mesh(planned.mesh, vertex_count);
+    stage.add_mesh(planned.mesh, vertices);
     report_.wavelet->step = stage.step();
     report_.wavelet->meshes.emplace_back(planned.mesh, report);
     return add<std::uint32_t>(output + "/offsets", {offsets.size()}, offsets, format::Codec::None);
@@ -41,10 +39,10 @@ Expected<void> Run::bake(const std::string& output, const PlannedWaveletWeights&
 }
 
 Expected<void> Run::bake(const std::string& output, const PlannedWaveletLight& planned) {
-    if (!report_.wavelet->meshes.empty()) ENVBAKE_TRY_VOID(build_tracer());
-    const WaveletStage::Lighting lighting = wavelet_->choose_lighting(
-        *inputs_.environment, planned.channels, wavelet_weights_,
-        inputs_.scene ? &*inputs_.scene : nullptr, tracer_ ? &*tracer_ : nullptr);
+    ENVBAKE_TRY(
+        const WaveletLight light,
+        stages_.wavelet_light(output, wavelet_->job(), planned.channels, wavelet_->meshes()));
+    const WaveletStage::Lighting lighting = wavelet_->choose_lighting(light, wavelet_weights_);
     report_.wavelet->light =
         WaveletLightSummary{lighting.terms.size(), lighting.coeff_count, lighting.truncation};
     std::vector<std::uint32_t> indices;
@@ -58,7 +56,7 @@ Expected<void> Run::bake(const std::string& output, const PlannedWaveletLight& p
         lighting.error,
         "relative rms exit radiance of a sample of vertices that are traced "
         "texel by texel"};
-    for (const WaveletStage::Vertex& vertex : wavelet_->sample()) {
+    for (const WaveletLight::Vertex& vertex : light.sample) {
         DVec3 sum(0), magnitude(0);
         for (const wavelet::Term& term : lighting.terms) {
             const DVec3 product = DVec3(term.value[0], term.value[1], term.value[2]) *

@@ -54,7 +54,8 @@ std::optional<std::vector<std::filesystem::path>> files_if_up_to_date(const Bake
     const Json metadata = parse_metadata(reader->metadata());
     try {
         if (metadata.at("tool").at("version") != tool_version() ||
-            metadata.at("options") != options_json(request))
+            metadata.at("options") != options_json(request) ||
+            metadata.value("shard", Json()) != shard_json(request.shard))
             return {};
         return unchanged_files(request, metadata.at("inputs"));
     } catch (const Json::exception&) {

@@ -34,6 +34,7 @@ struct KnownName {
     enum class Kind {
         Unknown,
         Metadata,
+        Shard,
         Lights,
         Sh,
         Mip,
@@ -103,6 +104,7 @@ std::optional<std::uint64_t> take_number(std::string_view& text) {
 KnownName known_name(std::string_view name) {
     using Kind = KnownName::Kind;
     if (name == format::kMetadataName) return {Kind::Metadata};
+    if (name == format::kShardName) return {Kind::Shard};
     if (name == "environment/lights") return {Kind::Lights};
     if (name == "environment/sh" || name == "environment/irradiance") return {Kind::Sh};
     for (const QuestionGroup& group :
@@ -193,7 +195,7 @@ class Validation {
         for (std::size_t i = 0; i < reader_.array_count(); ++i) check_stored(reader_.array(i));
         check_metadata_syntax();
         if (findings_.empty()) check_meaning();
-        if (findings_.empty())
+        if (findings_.empty() && !reader_.find(format::kShardName))
             for (std::string& message : check_self_test(reader_, tolerance_))
                 add(rule::kSelfTest, std::move(message));
         return std::move(findings_);
@@ -324,6 +326,13 @@ class Validation {
                 break;
             case Kind::Wavelet:  // validate_wavelet.cpp
                 break;
+            case Kind::Shard: {
+                const auto part = reader_.view<std::uint32_t>(info.name);
+                if (!part || info.rank != 1 || s[0] != 2 || (*part)[0] < 1 ||
+                    (*part)[0] > (*part)[1])
+                    add(rule::kShardPart, "array shard: is no u32 [2] of I and N, 1 <= I <= N");
+                break;
+            }
             case Kind::Lights:
                 require_type(info, rule::kLightsType, {ElementType::F32});
                 require_shape(info, rule::kLightsShape, info.rank == 2 && s[1] == 9, "[k, 9]");

@@ -12,28 +12,51 @@
 
 namespace envbake {
 
-/// What the wavelet arrays of one bundle share: the basis, how much transport meets each
-/// coefficient, and a few vertices that tell how many lighting terms are needed and what the whole
-/// errs.
+/// A mesh whose wavelet transport is baked.
+struct WaveletMesh {
+    std::size_t mesh = 0;
+    std::uint64_t vertex_count = 0;
+};
+
+/// What the terms of wavelet lighting are chosen by, beside the weights: the light itself, and a
+/// few vertices that tell how many terms are needed and what the whole errs.
+struct WaveletLight {
+    std::vector<wavelet::Rgb> coeffs;  ///< of the environment, [coeff_count]
+    struct Vertex {
+        std::uint32_t mesh = 0, vertex = 0;
+        std::vector<float> stored;  ///< [coeff_count], its transport as the bundle holds it
+        std::vector<float> looked;  ///< the same, looked at texel by texel
+    };
+    std::vector<Vertex> sample;  ///< none without meshes
+};
+
+/// Spread evenly over the vertices of the meshes.
+///   scene, tracer  null without meshes
+WaveletLight look_at_wavelet_light(const WaveletJob& job, const Environment& environment,
+                                   int channels, std::span<const WaveletMesh> meshes,
+                                   const Scene* scene, const Tracer* tracer);
+
+/// What the wavelet arrays of one bundle share: the basis, and how much transport meets each
+/// coefficient.
 class WaveletStage {
   public:
     explicit WaveletStage(const WaveletJob& job)
-        : job_(job), cube_(job.face_size), square_sums_(wavelet::coeff_count(job.face_size), 0) {}
+        : job_(job), square_sums_(wavelet::coeff_count(job.face_size), 0) {}
 
-    const CubeTexels& cube() const { return cube_; }
     int face_size() const { return job_.face_size; }
     float step() const { return wavelet_step(job_); }
-    std::span<double> square_sums() { return square_sums_; }
+    std::span<std::uint64_t> square_sums() { return square_sums_; }
 
     /// Where its transport is baked, the mesh' vertices count.
     void add_mesh(std::size_t mesh, std::uint64_t vertex_count) {
         meshes_.push_back({mesh, vertex_count});
-        vertex_count_ += vertex_count;
     }
+    const WaveletJob& job() const { return job_; }
+    std::span<const WaveletMesh> meshes() const { return meshes_; }
 
     /// rms over the vertices of all meshes; without a mesh, over surfaces that face everywhere with
-    /// nothing above them. Call it when all meshes are baked, and once.
-    std::vector<float> weights();
+    /// nothing above them.
+    std::vector<float> weights() const;
 
     struct Lighting {
         std::vector<wavelet::Term> terms;
@@ -43,32 +66,13 @@ class WaveletStage {
         std::size_t coeff_count = 0;  ///< of the map, not 0
     };
     /// The terms that bring the sample within the tolerance; what they err is measured at vertices
-    /// looked at texel by texel. `scene` and `tracer`: null without meshes.
-    Lighting choose_lighting(const Environment& environment, int channels,
-                             std::span<const float> weights, const Scene* scene,
-                             const Tracer* tracer);
-
-    /// A vertex of the sample with its transport as the bundle holds it.
-    struct Vertex {
-        std::uint32_t mesh = 0, vertex = 0;
-        std::vector<float> stored;  ///< [coeff_count]
-    };
-    /// Of choose_lighting(); none without meshes.
-    std::span<const Vertex> sample() const { return sample_; }
+    /// looked at texel by texel.
+    Lighting choose_lighting(const WaveletLight& light, std::span<const float> weights) const;
 
   private:
-    struct MeshCount {
-        std::size_t mesh;
-        std::uint64_t vertex_count;
-    };
-    std::vector<std::vector<float>> look_at_sample(const Scene& scene, const Tracer& tracer);
-
     WaveletJob job_;
-    CubeTexels cube_;
-    std::vector<double> square_sums_;
-    std::vector<MeshCount> meshes_;
-    std::uint64_t vertex_count_ = 0;
-    std::vector<Vertex> sample_;
+    std::vector<std::uint64_t> square_sums_;  ///< in steps
+    std::vector<WaveletMesh> meshes_;
 };
 
 }  // namespace envbake

@@ -41,11 +41,21 @@ enum class Encoding {
     Auto        ///< the smallest that keeps to the tolerance
 };
 
+/// One of `count` parts of a bake's work.
+struct Shard {
+    int index = 1;  ///< 1 .. count
+    int count = 1;  ///< 1 .. kMaxShards
+
+    friend bool operator==(const Shard&, const Shard&) = default;
+};
+inline constexpr int kMaxShards = 100'000;
+
 /// What a person asked for. Nothing here depends on what the inputs turn out to be.
 struct BakeRequest {
     std::filesystem::path scene;        ///< empty: lighting only
     std::filesystem::path environment;  ///< empty: transport only
     std::filesystem::path output;
+    std::optional<Shard> shard;  ///< the output is this part of the bake, for `envbake merge`
 
     double tolerance = 1e-2;  ///< relative error of transport and of mips
     int bands = 5;            ///< SH bands, 1 .. 10

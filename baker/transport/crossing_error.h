@@ -24,6 +24,8 @@ struct CrossingError {
     double solved = 0;        ///< mean square relative error of vertices without a crossing
     double samples = 0;       ///< vertices that c rests on
 
+    friend bool operator==(const CrossingError&, const CrossingError&) = default;
+
     /// Of a set of `ray_count` rays, before anything is measured. A vertex without a crossing
     /// counts as if its rays had one: what no ray met may still be there.
     static CrossingError expected(int ray_count, bool with_pilot, int bands);

@@ -3,7 +3,6 @@
 
 #include "baker/core/parallel.h"
 #include "baker/core/random.h"
-#include "baker/transport/crossing_error.h"
 #include "baker/transport/free_vertices.h"
 #include "baker/transport/ray_origin.h"
 #include "baker/transport/ray_set.h"
@@ -52,6 +51,13 @@ int scaled_rays(double ray_count, double factor) {
 /// How the ray count must change for the mean square error to be multiplied by `factor`.
 double rays_for_variance(double factor) {
     return std::pow(factor, -1 / kVarianceExponent);
+}
+
+void tell_error(DiffuseReport& report) {
+    const ErrorEstimate estimate =
+        estimate_error(report.crossing_error, report.crossings, report.vertex_count);
+    report.error_rms = estimate.rms;
+    report.error_p999 = estimate.p999;
 }
 
 class DiffuseBake {
@@ -278,9 +284,12 @@ Expected<DiffuseReport> DiffuseBake::run(
     if (blocked_ != nullptr)
         *blocked_ = {job_.seed, set_,
                      std::vector<std::uint16_t>(points_.size() * set_.directions.size(), 0)};
-    std::vector<std::uint64_t> histogram(static_cast<std::size_t>(set_.ray_count) + 1, 0);
+    std::vector<std::uint64_t>& histogram = report_.crossings;
+    histogram.assign(static_cast<std::size_t>(set_.ray_count) + 1, 0);
 
     const std::size_t count = points_.size();
+    const std::size_t range_end = std::min(job_.end_vertex, count);
+    const std::size_t range = range_end - std::min(job_.first_vertex, range_end);
     const auto is_copy = [&](std::size_t v) {
         const std::uint32_t place = points_.representative(v);
         return place != SurfacePoints::kNone && place != v;
@@ -294,14 +303,14 @@ Expected<DiffuseReport> DiffuseBake::run(
     const std::size_t in_hand_bytes = row_bytes + sizeof(Traced);
     const std::size_t hand_over =
         std::clamp(job_.memory_bytes / 2 / in_hand_bytes, kBlock, kHandOver);
-    const std::size_t in_hand = std::min(hand_over, count) * in_hand_bytes;
+    const std::size_t in_hand = std::min(hand_over, range) * in_hand_bytes;
     const std::size_t max_kept =
         (job_.memory_bytes - std::min(job_.memory_bytes, in_hand)) / (row_bytes + kKeptOverhead);
-    std::vector<float> rows(std::min(hand_over, count) * coeffs_);
-    std::vector<Traced> traced(std::min(hand_over, count));
+    std::vector<float> rows(std::min(hand_over, range) * coeffs_);
+    std::vector<Traced> traced(std::min(hand_over, range));
     std::unordered_map<std::uint32_t, std::vector<float>> kept;  // rows from before that are copied
-    for (std::size_t begin = 0; begin < count; begin += hand_over) {
-        const std::size_t size = std::min(hand_over, count - begin);
+    for (std::size_t begin = job_.first_vertex; begin < range_end; begin += hand_over) {
+        const std::size_t size = std::min(hand_over, range_end - begin);
         // A copy of what is no longer in memory is baked again: the same bits, for more rays.
         const auto is_repeated = [&](std::size_t v) {
             const std::uint32_t place = points_.representative(v);
@@ -347,9 +356,8 @@ Expected<DiffuseReport> DiffuseBake::run(
         }
         ENVBAKE_TRY_VOID(sink(std::span(rows).first(size * coeffs_)));
     }
-    const ErrorEstimate estimate = estimate_error(error_, histogram, count);
-    report_.error_rms = estimate.rms;
-    report_.error_p999 = estimate.p999;
+    report_.crossing_error = error_;
+    tell_error(report_);
     return report_;
 }
 
@@ -374,6 +382,18 @@ Expected<void> check(const DiffuseJob& job) {
 double BlockedRays::turn_rad(const SurfacePoints& points, std::uint32_t vertex,
                              const TraceSpace& space) const {
     return 2 * pi * RandomStream(seed, kResultTurns, points.stream(vertex, space)).next();
+}
+
+void append(DiffuseReport& report, const DiffuseReport& part) {
+    report.free_count += part.free_count;
+    report.traced_count += part.traced_count;
+    report.solved_count += part.solved_count;
+    report.ray_count += part.ray_count;
+    report.repeated_ray_count += part.repeated_ray_count;
+    report.crossings.resize(std::max(report.crossings.size(), part.crossings.size()), 0);
+    for (std::size_t c = 0; c < part.crossings.size(); ++c)
+        report.crossings[c] += part.crossings[c];
+    tell_error(report);
 }
 
 int expected_rays_per_vertex(const DiffuseJob& job) {

@@ -5,9 +5,11 @@
 #include "baker/core/progress.h"
 #include "baker/input/scene.h"
 #include "baker/trace/tracer.h"
+#include "baker/transport/crossing_error.h"
 #include "baker/transport/ray_origin.h"
 #include "baker/transport/ray_set.h"
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -26,12 +28,17 @@ struct DiffuseJob {
     /// fewer than the bands need for weights that are not negative. Not with rays_per_vertex.
     double seconds = 0;
     std::uint64_t seed = 0;
+    /// Vertices first_vertex .. end_vertex - 1 alone, of which the mesh has so many: rows of a
+    /// part, the same bits.
+    std::size_t first_vertex = 0, end_vertex = kAllVertices;
+    static constexpr std::size_t kAllVertices = ~std::size_t{0};
     /// For rows: those baked at once, and those that copies further on wait for. A copy whose row
     /// found no room is traced again. Under 64 rows it counts as 64; the bits do not depend on it.
     std::size_t memory_bytes = std::size_t{256} << 20;
 };
 
-/// Every vertex is one of unreferenced, merged, free and traced.
+/// Every vertex is one of unreferenced, merged, free and traced. Of a part of the vertices: free,
+/// traced, solved and rays are of those, all else is of the whole mesh.
 struct DiffuseReport {
     std::uint64_t vertex_count = 0;
     std::uint64_t unreferenced_count = 0;  ///< no triangle or no normal: T = 0, no rays
@@ -50,7 +57,15 @@ struct DiffuseReport {
     /// errors. Vertices that need no rays count as 0.
     double error_rms = 0;
     double error_p999 = 0;  ///< 99.9th percentile over all vertices, by the same
+
+    // What the errors are told from.
+    CrossingError crossing_error;
+    std::vector<std::uint64_t> crossings;  ///< [c] vertices with c crossings
 };
+
+/// Adds another part of the same mesh. All parts together, in any order, make the report of the
+/// whole.
+void append(DiffuseReport& report, const DiffuseReport& part);
 
 /// Rays per traced vertex that a bake of this job starts from: what a dense scan needs for the
 /// tolerance, or job.rays_per_vertex. A bake settles on what its own mesh needs.

@@ -14,8 +14,8 @@ namespace envbake {
 
 namespace {
 
-constexpr std::size_t kBlockSize = 256;  ///< vertices; one byte names one of them
-constexpr std::size_t kChunk = 8;        ///< vertices of one call of a parallel loop
+constexpr std::size_t kBlockSize = kWaveletBlock;
+constexpr std::size_t kChunk = 8;  ///< vertices of one call of a parallel loop
 
 void decompose(const CubeTexels& cube, std::span<float> texels, std::span<float> coeffs) {
     const std::size_t of_face = coeffs.size() / cube::kFaceCount;
@@ -44,6 +44,22 @@ BakedRow bake_row(const CubeTexels& cube, float step, const Tracer& tracer,
 }
 
 }  // namespace
+
+void append(WaveletReport& report, const WaveletReport& part) {
+    report.vertex_count += part.vertex_count;
+    report.unreferenced_count += part.unreferenced_count;
+    report.free_count += part.free_count;
+    report.traced_count += part.traced_count;
+    report.ray_count += part.ray_count;
+    report.coeff_count += part.coeff_count;
+    report.byte_count += part.byte_count;
+}
+
+Error wavelets_too_large(std::size_t mesh) {
+    return {Errc::Failed, concat("mesh/", mesh,
+                                 "/wavelet: more than 16 GiB; ask for smaller faces or a larger "
+                                 "tolerance")};
+}
 
 float wavelet_step(const WaveletJob& job) {
     constexpr double kOpenOverhead = std::numbers::inv_pi;
@@ -74,7 +90,7 @@ void open_wavelet_transport(const CubeTexels& cube, const DVec3& normal, std::sp
 Expected<WaveletReport> bake_wavelet(
     const WaveletJob& job, const CubeTexels& cube, const Scene& scene, std::size_t mesh,
     const Tracer& tracer, const std::function<Expected<void>(std::span<const std::byte>)>& sink,
-    std::vector<std::uint32_t>& offsets, std::span<double> square_sums, Progress& progress) {
+    std::vector<std::uint32_t>& offsets, std::span<std::uint64_t> square_sums, Progress& progress) {
     const SurfacePoints points(scene.meshes[mesh]);
     const float step = wavelet_step(job);
     // What it is a copy of, where that is in the same block: further back it is baked again, lest
@@ -89,13 +105,14 @@ Expected<WaveletReport> bake_wavelet(
     const std::size_t in_hand =
         kBlockSize * std::clamp<std::size_t>(job.memory_bytes / block_bytes, 1, 64);
     WaveletReport report;
-    report.vertex_count = points.size();
+    const std::size_t range_end = std::min(job.end_vertex, points.size());
+    report.vertex_count = range_end - std::min(job.first_vertex, range_end);
     offsets.assign(1, 0);
     std::vector<BakedRow> rows;
     std::vector<std::vector<std::byte>> blocks;
-    for (std::size_t begin = 0; begin < points.size(); begin += in_hand) {
+    for (std::size_t begin = job.first_vertex; begin < range_end; begin += in_hand) {
         rows.clear();
-        rows.resize(std::min(in_hand, points.size() - begin));
+        rows.resize(std::min(in_hand, range_end - begin));
         parallel_for((rows.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
             const std::size_t end = std::min(rows.size(), (chunk + 1) * kChunk);
             for (std::size_t i = chunk * kChunk; i < end; ++i) {
@@ -117,10 +134,8 @@ Expected<WaveletReport> bake_wavelet(
             }
             ++(rows[i].free ? report.free_count : report.traced_count);
             report.coeff_count += rows[i].entries.size();
-            for (const WaveletEntry& e : rows[i].entries) {
-                const double c = static_cast<double>(step) * e.units;
-                square_sums[e.index] += c * c;
-            }
+            for (const WaveletEntry& e : rows[i].entries)
+                square_sums[e.index] += static_cast<std::uint64_t>(e.units * e.units);
         }
         blocks.clear();
         blocks.resize((rows.size() + kBlockSize - 1) / kBlockSize);
@@ -134,9 +149,7 @@ Expected<WaveletReport> bake_wavelet(
         for (const std::vector<std::byte>& block : blocks) {
             report.byte_count += block.size();
             if (report.byte_count / 4 > std::numeric_limits<std::uint32_t>::max())
-                return Error{Errc::Failed, concat("mesh/", mesh,
-                                                  "/wavelet: more than 16 GiB; ask for smaller "
-                                                  "faces or a larger tolerance")};
+                return wavelets_too_large(mesh);
             offsets.push_back(static_cast<std::uint32_t>(report.byte_count / 4));
             ENVBAKE_TRY_VOID(sink(block));
         }

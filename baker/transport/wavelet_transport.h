@@ -16,13 +16,18 @@
 
 namespace envbake {
 
+inline constexpr std::size_t kWaveletBlock = 256;  ///< vertices; one byte names one of them
+
 struct WaveletJob {
     int face_size = 64;       ///< texels, wavelet::is_face_size
     double tolerance = 1e-2;  ///< what rounding may take from a light of one texel
     std::size_t memory_bytes = std::size_t{256} << 20;  ///< of blocks in memory at once
+    /// Vertices first_vertex .. end_vertex - 1 alone, of which the mesh has so many: blocks of a
+    /// part, the same bits. Both are multiples of kWaveletBlock, or the latter is past the last.
+    std::size_t first_vertex = 0, end_vertex = ~std::size_t{0};
 };
 
-/// Every vertex is one of unreferenced, free and traced.
+/// Every vertex is one of unreferenced, free and traced. Numbers of parts add up.
 struct WaveletReport {
     std::uint64_t vertex_count = 0;
     std::uint64_t unreferenced_count = 0;  ///< no triangle or no normal: no coefficients
@@ -32,6 +37,12 @@ struct WaveletReport {
     std::uint64_t coeff_count = 0;  ///< stored, of all vertices
     std::uint64_t byte_count = 0;   ///< of the blocks
 };
+
+/// Adds another part of the same mesh.
+void append(WaveletReport& report, const WaveletReport& part);
+
+/// Blocks are counted in 32 bits of 4 bytes.
+Error wavelets_too_large(std::size_t mesh);
 
 /// What coefficients are rounded to: 1.2 times the tolerance, relative to 1 / pi, which is what an
 /// open texel overhead has; but no less than lets the largest coefficient be a number of 15 bits.
@@ -62,7 +73,8 @@ void open_wavelet_transport(const CubeTexels& cube, const DVec3& normal, std::sp
 ///
 ///   offsets      gets where each block begins, and the last ends, in units of 4 bytes
 ///   square_sums  [coeff_count]: the squares of all vertices' coefficients are added, as
-///                stored: what is rounded away is of no use to a light
+///                stored: what is rounded away is of no use to a light. In steps, so that the sum
+///                is exact and parts of a mesh add up in any order
 ///
 /// Deterministic for any number of threads and any budget. An error of the sink ends the bake and
 /// is returned.
@@ -71,6 +83,6 @@ void open_wavelet_transport(const CubeTexels& cube, const DVec3& normal, std::sp
 Expected<WaveletReport> bake_wavelet(
     const WaveletJob& job, const CubeTexels& cube, const Scene& scene, std::size_t mesh,
     const Tracer& tracer, const std::function<Expected<void>(std::span<const std::byte>)>& sink,
-    std::vector<std::uint32_t>& offsets, std::span<double> square_sums, Progress& progress);
+    std::vector<std::uint32_t>& offsets, std::span<std::uint64_t> square_sums, Progress& progress);
 
 }  // namespace envbake

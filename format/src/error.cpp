@@ -56,6 +56,7 @@ constexpr Text kTexts[] = {
     {Errc::BufferSize, "BufferSize", "the memory to decode into has another size than the array"},
     {Errc::Metadata, "Metadata",
      "the metadata lacks a field that is needed, or has it with another type"},
+    {Errc::Shard, "Shard", "a part of a bake: `envbake merge` makes a bundle of all parts"},
     {Errc::BadName, "BadName", "not a valid array name"},
     {Errc::DuplicateName, "DuplicateName", "an array of this name was written before"},
     {Errc::WrongByteCount, "WrongByteCount",

@@ -118,6 +118,8 @@ format::Expected<Bundle> Bundle::open(std::span<const std::byte> bytes) noexcept
 
 format::Expected<Bundle> Bundle::load(format::Expected<format::Reader> reader) noexcept {
     if (!reader) return std::move(reader).error();
+    if (const std::optional<ArrayInfo> part = reader->find(format::kShardName))
+        return Error::at(Errc::Shard, part->offset, format::kShardName);
     Bundle bundle(*std::move(reader));
 
     Arena measure;

@@ -168,7 +168,7 @@ Sample take_sample(const Scene& scene, const Tracer& tracer, const WaveletJob& j
 int bake_whole(const std::string& name, const Scene& scene, const Tracer& tracer,
                const WaveletJob& job, const Sample& sample) {
     const CubeTexels cube(job.face_size);
-    std::vector<double> squares(wavelet::coeff_count(job.face_size), 0);
+    std::vector<std::uint64_t> squares(wavelet::coeff_count(job.face_size), 0);
     double vertices = 0, rays = 0, bytes = 0;
     Progress progress;
     const double begin = cpu_seconds();

@@ -312,7 +312,18 @@ TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
         spoil(arrays);
         return second_mesh(arrays);
     };
+    const auto shard = [&](std::vector<std::uint32_t> part) {
+        return also(
+            [part](Writer& w) { EXPECT_TRUE(w.add<std::uint32_t>("shard", {part.size()}, part)); });
+    };
+    Content part_of_a_bake;
+    shard({2, 3})(part_of_a_bake);
+    EXPECT_EQ(codes(part_of_a_bake), Codes{});
     const std::vector<std::pair<int, Fault>> contents{
+        {230, shard({0, 3})},
+        {230, shard({4, 3})},
+        {230, shard({1, 2, 3})},
+        {230, also([](Writer& w) { add_ones(w, "shard", {2}); })},
         {220, second_mesh([](Writer& w) {
              add_all<std::uint8_t>(w, "mesh/1/diffuse", {2, 4}, 1);
          })},

@@ -400,6 +400,12 @@ const Fault kFaults[] = {
          b.add("mesh/0/diffuse", {3, 5}, ramp(15)).metadata(kMetadata);
      },
      Errc::ArrayShape},
+    {"a part of a bake",
+     [](BundleBuilder& b) {
+         fill(b);
+         b.add("shard", {2}, std::vector<std::uint32_t>{2, 3});
+     },
+     Errc::Shard},
     {"two channels",
      [](BundleBuilder& b) {
          b.add("mesh/0/diffuse", {3, 4, 2}, ramp(24)).metadata(kMetadata);

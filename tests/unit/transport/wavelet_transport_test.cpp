@@ -230,7 +230,7 @@ TEST(WaveletBlock, DamagedBlocksAreNotReadBeyond) {
 struct Baked {
     std::vector<std::byte> bytes;
     std::vector<std::uint32_t> offsets;
-    std::vector<double> square_sums;
+    std::vector<std::uint64_t> square_sums;
     WaveletReport report;
 };
 

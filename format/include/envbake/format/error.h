@@ -45,6 +45,7 @@ enum class Errc : std::uint16_t {
     ArrayCodec = 43,      ///< ... for a view of a compressed array; or this build lacks the codec
     BufferSize = 44,      ///< the memory to decode into is not as large as the array
     Metadata = 45,        ///< the metadata lacks a field that the request needs
+    Shard = 46,           ///< a part of a bake, which `envbake merge` joins to a bundle
     BadName = 50,         ///< writer: not a valid array name
     DuplicateName = 51,   ///< writer: this name was added before
     WrongByteCount = 52,  ///< writer: the bytes appended are not those the shape asks for

@@ -25,6 +25,8 @@ inline constexpr std::size_t kAlignment = 64;
 inline constexpr std::size_t kMaxRank = 6;
 inline constexpr std::size_t kMaxNameSize = 255;
 inline constexpr std::string_view kMetadataName = "metadata";  ///< u8 [n]: the JSON document, UTF-8
+/// u32 [2], I and N: the file is part I of N of a bake.
+inline constexpr std::string_view kShardName = "shard";
 
 /// What an element is. The numbers are those of the file.
 enum class ElementType : std::uint8_t {

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "baker/pipeline/shard.h"
+
+namespace envbake {
+
+// Numbers come back as they were: JSON holds doubles by their shortest exact text.
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RoughnessRange, min, max)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LightFacts, count, share, strongest_share)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(EnvironmentFacts, mean, peak, contrast, grey, lights,
+                                   sh_shadow_loss, band_energy)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MaterialFacts, name, min_roughness, max_roughness, max_r0,
+                                   max_diffuse_albedo, grey_albedo, max_emission)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MeshFacts, vertex_count, triangle_count, free_vertex_count,
+                                   material, receives, casts)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(FileHash, bytes, xxh3)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(InputFile, role, name, hash)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BakeRequest, tolerance, bands, extract_lights, irradiance,
+                                   window, distributions, mip_size, mip_count, certify, mip_layout,
+                                   table_size, table_axes, half_tables, not_receiving, not_casting,
+                                   bounces, glossy, glossy_bands, unshadowed, wavelet, wavelet_size,
+                                   encoding, rays_per_vertex, seed, memory_bytes, strict,
+                                   area_weighted_normals, compress)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CrossingError, per_crossing, solved, samples)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DiffuseReport, vertex_count, unreferenced_count, merged_count,
+                                   free_count, traced_count, solved_count, ray_count,
+                                   check_ray_count, rays_per_vertex, repeated_ray_count, error_rms,
+                                   error_p999, crossing_error, crossings)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WaveletReport, vertex_count, unreferenced_count, free_count,
+                                   traced_count, ray_count, coeff_count, byte_count)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Mip, level, faces, width, height, channels, perceptual_roughness,
+                                   error_estimate)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BrdfTable, size, texel_error, lookup_error, lookup_error_rms,
+                                   sharp_lookup_error)
+
+namespace {
+
+template <class T>
+Json to(const T& value) {
+    return Json(nlohmann::json(value));
+}
+template <class T>
+void from(const Json& json, T& value) {
+    nlohmann::json(json).get_to(value);
+}
+
+Json to_list(const DVec3& v) {
+    return {v.x, v.y, v.z};
+}
+DVec3 to_vector(const Json& json) {
+    return {json.at(0).get<double>(), json.at(1).get<double>(), json.at(2).get<double>()};
+}
+
+Json lighting_json(const BakeInputs& inputs) {
+    Json lights = Json::array(), coeffs = Json::array();
+    for (const DominantLight& light : inputs.lights.lights)
+        lights.push_back({{"direction", to_list(light.direction)},
+                          {"irradiance", to_list(light.irradiance)},
+                          {"angular_radius", light.angular_radius},
+                          {"solid_angle", light.solid_angle},
+                          {"share", light.share}});
+    for (const DVec3& coeff : inputs.sh->coeffs) coeffs.push_back(to_list(coeff));
+    return {{"lights", std::move(lights)}, {"bands", inputs.sh->bands}, {"sh", std::move(coeffs)}};
+}
+
+void read_lighting(const Json& json, BakeInputs& inputs) {
+    for (const Json& of : json.at("lights")) {
+        DominantLight light;
+        light.direction = to_vector(of.at("direction"));
+        light.irradiance = to_vector(of.at("irradiance"));
+        of.at("angular_radius").get_to(light.angular_radius);
+        of.at("solid_angle").get_to(light.solid_angle);
+        of.at("share").get_to(light.share);
+        inputs.lights.lights.push_back(light);
+    }
+    ShLighting& sh = inputs.sh.emplace();
+    json.at("bands").get_to(sh.bands);
+    for (const Json& coeff : json.at("sh")) sh.coeffs.push_back(to_vector(coeff));
+}
+
+}  // namespace
+
+Json shared_json(const BakeRequest& request, const BakeInputs& inputs, const Json& described) {
+    Json shared = described;
+    shared["request"] = to(request);
+    if (request.roughness_range)
+        shared["request"]["roughness_range"] = to(*request.roughness_range);
+    shared["files"] = to(inputs.files);
+    shared["facts"] = {{"has_scene", inputs.facts.has_scene},
+                       {"materials", to(inputs.facts.materials)},
+                       {"meshes", to(inputs.facts.meshes)}};
+    if (inputs.facts.environment) {
+        shared["facts"]["environment"] = to(*inputs.facts.environment);
+        shared["lighting"] = lighting_json(inputs);
+    }
+    // Neither the bytes nor the shares depend on it.
+    shared["request"].erase("memory_bytes");
+    return shared;
+}
+
+SharedState read_shared(const Json& shared) {
+    SharedState state;
+    Json request = shared.at("request");
+    request["memory_bytes"] = state.request.memory_bytes;
+    from(request, state.request);
+    if (request.contains("roughness_range"))
+        from(request.at("roughness_range"), state.request.roughness_range.emplace());
+    from(shared.at("files"), state.inputs.files);
+    const Json& facts = shared.at("facts");
+    facts.at("has_scene").get_to(state.inputs.facts.has_scene);
+    from(facts.at("materials"), state.inputs.facts.materials);
+    from(facts.at("meshes"), state.inputs.facts.meshes);
+    if (facts.contains("environment")) {
+        from(facts.at("environment"), state.inputs.facts.environment.emplace());
+        read_lighting(shared.at("lighting"), state.inputs);
+    }
+    return state;
+}
+
+Json report_json(const DiffuseReport& report) {
+    return to(report);
+}
+Json report_json(const WaveletReport& report) {
+    return to(report);
+}
+Json report_json(const Mip& mip) {
+    return to(mip);
+}
+Json report_json(const BrdfTable& table) {
+    return to(table);
+}
+void read_report(const Json& json, DiffuseReport& report) {
+    from(json, report);
+}
+void read_report(const Json& json, WaveletReport& report) {
+    from(json, report);
+}
+void read_report(const Json& json, Mip& mip) {
+    from(json, mip);
+}
+void read_report(const Json& json, BrdfTable& table) {
+    from(json, table);
+}
+
+}  // namespace envbake
