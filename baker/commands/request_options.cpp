@@ -162,6 +162,18 @@ void declare_request(CLI::App& app, BakeRequest& request) {
             },
             ""))
         ->default_str("256MB");
+    app.add_option_function<std::string>(
+           "--isa",
+           [&request](const std::string& name) {
+               for (const Isa isa : {Isa::Best, Isa::Sse42, Isa::Avx, Isa::Avx2, Isa::Avx512})
+                   if (name == isa_name(isa)) request.isa = isa;
+           },
+           "Expert: instructions that rays are traced with; on a farm of mixed machines, those "
+           "that "
+           "all of them have")
+        ->check(CLI::IsMember({"best", "sse4.2", "avx", "avx2", "avx512"}))
+        ->default_str("best")
+        ->group("Expert options");
     app.add_option("--seed", request.seed, "Expert: seed of the random turns")
         ->capture_default_str()
         ->group("Expert options");

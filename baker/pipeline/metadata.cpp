@@ -391,6 +391,7 @@ Json options_json(const BakeRequest& r) {
             {"encoding", encoding_name(r.encoding)},
             {"rays", r.rays_per_vertex},
             {"time_budget", r.time_budget},
+            {"isa", isa_name(r.isa)},
             {"seed", r.seed},
             {"strict", r.strict},
             {"normals", r.area_weighted_normals ? "area" : "angle"},

@@ -144,7 +144,7 @@ Expected<BakeOutcome> write_bundle(const BakeRequest& request, const BakeInputs&
 
 Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inputs,
                                const BakePlan& plan, Older older, Progress& progress) {
-    BakedStages stages(inputs, progress);
+    BakedStages stages(inputs, request.isa, progress);
     ENVBAKE_TRY(BakeOutcome outcome,
                 write_bundle(request, inputs, describe_bake(request, inputs, plan), plan, stages,
                              older, progress));

@@ -25,7 +25,7 @@ class ShardRun {
           writer_(writer),
           progress_(progress),
           share_(plan, inputs.facts, *request.shard),
-          stages_(inputs, progress) {}
+          stages_(inputs, request.isa, progress) {}
 
     Expected<void> execute();
 

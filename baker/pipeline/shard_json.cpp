@@ -18,7 +18,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BakeRequest, tolerance, bands, extract_lights
                                    window, distributions, mip_size, mip_count, certify, mip_layout,
                                    table_size, table_axes, half_tables, not_receiving, not_casting,
                                    bounces, glossy, glossy_bands, unshadowed, wavelet, wavelet_size,
-                                   encoding, rays_per_vertex, seed, memory_bytes, strict,
+                                   encoding, rays_per_vertex, isa, seed, memory_bytes, strict,
                                    area_weighted_normals, compress)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CrossingError, per_crossing, solved, samples)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DiffuseReport, vertex_count, unreferenced_count, merged_count,

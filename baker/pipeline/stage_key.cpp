@@ -124,6 +124,7 @@ Json content(const BakeRequest& request, const BakeInputs& inputs, bool of_envir
         json.push_back(request.extract_lights);
     } else {
         json.push_back(request.area_weighted_normals);
+        json.push_back(request.isa);
         for (const Mesh& mesh : inputs.scene->meshes) json.push_back(mesh.casts);
     }
     return json;

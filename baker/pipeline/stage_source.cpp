@@ -5,7 +5,7 @@ namespace envbake {
 
 Expected<void> BakedStages::build_tracer() {
     if (tracer_) return {};
-    ENVBAKE_TRY(tracer_, Tracer::build(*inputs_.scene));
+    ENVBAKE_TRY(tracer_, Tracer::build(*inputs_.scene, isa_));
     return {};
 }
 

@@ -56,8 +56,8 @@ class StageSource {
 /// The stages themselves.
 class BakedStages : public StageSource {
   public:
-    BakedStages(const BakeInputs& inputs, Progress& progress)
-        : inputs_(inputs), progress_(progress) {}
+    BakedStages(const BakeInputs& inputs, Isa isa, Progress& progress)
+        : inputs_(inputs), isa_(isa), progress_(progress) {}
 
     Expected<std::vector<Mip>> mips(const std::string&, const MipsJob& job) override;
     Expected<BrdfTable> table(const std::string&, const BrdfTableJob& job) override;
@@ -83,6 +83,7 @@ class BakedStages : public StageSource {
     Expected<void> build_tracer();
 
     const BakeInputs& inputs_;
+    Isa isa_;
     Progress& progress_;
     std::optional<Tracer> tracer_;
     std::vector<BlockedRays> blocked_;  ///< [mesh]

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "baker/trace/tracer.h"
+
 #include "envbake/runtime/brdf.h"
 #include "envbake/runtime/mip_layout.h"
 
@@ -87,6 +89,7 @@ struct BakeRequest {
     Encoding encoding = Encoding::F32;
     int rays_per_vertex = 0;  ///< 0: as many as the tolerance needs
     double time_budget = 0;   ///< of the whole bake, wall seconds; 0: none
+    Isa isa = Isa::Best;      ///< of the rays
     std::uint64_t seed = 0;
     std::size_t memory_bytes = std::size_t{256} << 20;  ///< of transport in memory at once
     bool strict = false;                                ///< refuse what would be repaired

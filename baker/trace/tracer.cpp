@@ -163,9 +163,15 @@ Expected<void> Tracer::State::add_geometry(const Scene& source, unsigned id, RTC
     return {};
 }
 
-Expected<Tracer> Tracer::build(const Scene& scene) {
+const char* isa_name(Isa isa) {
+    constexpr const char* kNames[] = {"best", "sse4.2", "avx", "avx2", "avx512"};
+    return kNames[static_cast<std::size_t>(isa)];
+}
+
+Expected<Tracer> Tracer::build(const Scene& scene, Isa isa) {
     auto state = std::make_unique<State>();
-    state->device.reset(rtcNewDevice(nullptr));
+    const std::string config = isa == Isa::Best ? "" : concat("isa=", isa_name(isa));
+    state->device.reset(rtcNewDevice(config.c_str()));
     if (!state->device) return embree_error(nullptr, "start");
     if (rtcGetDeviceProperty(state->device.get(), RTC_DEVICE_PROPERTY_RAY_MASK_SUPPORTED) == 0)
         return Error{Errc::Failed,

@@ -36,6 +36,17 @@ struct HitPacket {
     std::uint32_t from_behind = 0;  ///< bit i: ray i meets the side that winds clockwise
 };
 
+/// Instructions that rays are traced with.
+enum class Isa {
+    Best,  ///< the last of these that the machine has
+    Sse42,
+    Avx,
+    Avx2,
+    Avx512
+};
+/// "sse4.2"
+const char* isa_name(Isa isa);
+
 /// Answers visibility among a scene's triangles. Robust: no leaks at shared edges. Triangles that
 /// cannot be hit (zero area) are left out; what casts no shadow (casts_shadow() in occluders.h) is
 /// seen only by closest(). Every other triangle is met from both sides. Where alpha mode MASK cuts
@@ -53,9 +64,12 @@ class Tracer {
   public:
     /// The scene must outlive the tracer where alpha mode MASK reads textures.
     ///
+    ///   isa  rays that graze a triangle may meet it by some instructions and miss it by others
+    ///
     /// Errors:  InvalidInput  a vertex of a triangle is not finite, or an index is out of range
-    ///          Failed        Embree cannot start, or is out of memory
-    static Expected<Tracer> build(const Scene& scene);
+    ///          Failed        Embree cannot start, or is out of memory; the machine, or this build
+    ///                        of Embree, lacks the instructions
+    static Expected<Tracer> build(const Scene& scene, Isa isa = Isa::Best);
     Tracer(Tracer&&) noexcept;
     Tracer& operator=(Tracer&&) noexcept;
     ~Tracer();
