@@ -54,7 +54,7 @@ class Rebuild : public ::testing::Test {
         };
         replace(R"("scenes":[{"nodes":[0]}])", R"("scenes":[{"nodes":[0,1]}])");
         replace(R"("nodes":[{)", R"("nodes":[{"mesh":0,"name":"above","translation":[0.5,2,0]},{)");
-        replace(R"({"name":"clay",)", R"({"name":"clay",)" + material);
+        replace(R"({"name":"clay",)", R"({"name":"clay","doubleSided":true,)" + material);
         write_file(file, text);
         return file;
     }
@@ -170,6 +170,15 @@ TEST_F(Rebuild, AnOptionOfOneStageBakesThatStage) {
         EXPECT_EQ(result.kept, kept);
         EXPECT_EQ(result.baked, (c.baked + c.new_stages + kOfFacts));
     }
+}
+
+// The rays are those of before; what becomes of their rows is not.
+TEST_F(Rebuild, RowsThatWaitAreBakedAgainWithWhatTheyWaitFor) {
+    const Names transport{"mesh/0/diffuse", "mesh/1/diffuse"};
+    EXPECT_EQ(rebuild({two_, "--bounces", "1"}, {two_, "--bounces", "2"}).baked,
+              (transport + Names{"bounces"}));
+    EXPECT_EQ(rebuild({two_, "--encoding", "f16"}, {two_, "--encoding", "unorm16"}).baked,
+              (transport + Names{"encoding"}));
 }
 
 TEST_F(Rebuild, AMeshThatIsLeftOutLeavesTheOthersAlone) {
