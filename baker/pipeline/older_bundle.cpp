@@ -55,17 +55,27 @@ std::optional<OlderBundle> OlderBundle::open(const std::filesystem::path& file) 
     return OlderBundle(std::move(*reader), std::move(metadata));
 }
 
+OlderBundle::OlderBundle(format::Reader reader, Json metadata)
+    : reader_(std::move(reader)), metadata_(std::move(metadata)) {
+    if (!metadata_.is_object() || !metadata_.contains("plan")) return;
+    std::size_t at = 0;
+    for (const Json& stage : metadata_["plan"]) {
+        if (stage.is_object() && stage.contains("output") && stage["output"].is_string())
+            stages_.try_emplace(stage["output"].get<std::string>(), at);
+        ++at;
+    }
+}
+
 std::optional<std::vector<std::string>> OlderBundle::arrays_of(const std::string& output,
                                                                const std::string& key) const try {
-    for (const Json& stage : metadata_.at("plan")) {
-        if (stage.at("output") != output || !stage.contains("key") || stage.at("key") != key)
-            continue;
-        auto names = stage.at("arrays").get<std::vector<std::string>>();
-        for (const std::string& name : names)
-            if (!is_intact(reader_, name)) return {};
-        return names;
-    }
-    return {};
+    const auto at = stages_.find(output);
+    if (at == stages_.end()) return {};
+    const Json& stage = metadata_.at("plan").at(at->second);
+    if (!stage.contains("key") || stage.at("key") != key) return {};
+    auto names = stage.at("arrays").get<std::vector<std::string>>();
+    for (const std::string& name : names)
+        if (!is_intact(reader_, name)) return {};
+    return names;
 } catch (const Json::exception&) {
     return {};  // another tool's
 }

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -50,11 +51,11 @@ class OlderBundle {
     Expected<std::vector<float>> floats(const std::string& name, std::uint64_t count) const;
 
   private:
-    OlderBundle(format::Reader reader, Json metadata)
-        : reader_(std::move(reader)), metadata_(std::move(metadata)) {}
+    OlderBundle(format::Reader reader, Json metadata);
 
     format::Reader reader_;
     Json metadata_;
+    std::map<std::string, std::size_t> stages_;  ///< outputs, by where they stand in the plan
 };
 
 /// Rows of transport as a reader gets them, whatever their encoding.

@@ -5,6 +5,8 @@
 #include "envbake/runtime/lobe.h"
 
 #include <algorithm>
+#include <map>
+#include <set>
 #include <utility>
 
 namespace envbake {
@@ -18,17 +20,19 @@ Expected<void> Run::take_over(const OlderBundle& older) try {
         if (arrays) report_.stages[i].arrays = std::move(*arrays);
     }
     // Stages of one key are kept together or not at all.
+    std::set<std::string> stale;
     for (std::size_t i = 0; i < kept_.size(); ++i)
-        for (std::size_t j = 0; j < kept_.size() && !kept_[i]; ++j)
-            if (report_.stages[j].key == report_.stages[i].key) kept_[j] = false;
+        if (!kept_[i]) stale.insert(report_.stages[i].key);
+    for (std::size_t i = 0; i < kept_.size(); ++i)
+        kept_[i] = !stale.contains(report_.stages[i].key);
+    const auto errors = older.metadata().at("arrays").get<std::map<std::string, Json>>();
     for (std::size_t i = 0; i < kept_.size(); ++i) {
         const PlannedStage& stage = plan_.stages[i];
         if (!kept_[i]) continue;
-        const Json& errors = older.metadata().at("arrays");
         for (const std::string& name : report_.stages[i].arrays)
-            if (errors.contains(name))
-                report_.array_errors[name] = {errors.at(name).at("error").get<double>(),
-                                              errors.at(name).at("norm").get<std::string>()};
+            if (const auto error = errors.find(name); error != errors.end())
+                report_.array_errors[name] = {error->second.at("error").get<double>(),
+                                              error->second.at("norm").get<std::string>()};
         ENVBAKE_TRY_VOID(
             std::visit([&](const auto& job) { return read_back(stage.output, job); }, *stage.job));
     }

@@ -114,8 +114,13 @@ class Parts {
     bool rows_wait_ = false;
 };
 
-/// What the files hold, and what options change about it while they are read.
-Json content(const BakeRequest& request, const BakeInputs& inputs, bool of_environment) {
+std::string hash_of(const Json& json) {
+    const std::string text = to_text(json, -1);
+    return hash_text(std::as_bytes(std::span(text)));
+}
+
+/// Hash of what the files hold, and of what options change about it while they are read.
+std::string content(const BakeRequest& request, const BakeInputs& inputs, bool of_environment) {
     Json json = Json::array();
     for (const InputFile& file : inputs.files)
         if ((file.role == "environment") == of_environment)
@@ -127,7 +132,7 @@ Json content(const BakeRequest& request, const BakeInputs& inputs, bool of_envir
         json.push_back(request.isa);
         for (const Mesh& mesh : inputs.scene->meshes) json.push_back(mesh.casts);
     }
-    return json;
+    return hash_of(json);
 }
 
 }  // namespace
@@ -153,13 +158,14 @@ std::vector<std::string> stage_keys(const BakeRequest& request, const BakeInputs
         unit.environment = unit.environment || part.environment;
         unit.jobs.push_back(list(stage.output, part.job));
     }
+    const std::string scene = inputs.scene ? content(request, inputs, false) : "";
+    const std::string environment = content(request, inputs, true);
     std::map<std::string, std::string> keys{{"", ""}};
     for (const auto& [name, unit] : units) {
         Json json = list(tool_version(), unit.jobs);
-        if (unit.scene) json.push_back(list("scene", content(request, inputs, false)));
-        if (unit.environment) json.push_back(list("environment", content(request, inputs, true)));
-        const std::string text = to_text(json, -1);
-        keys[name] = hash_text(std::as_bytes(std::span(text)));
+        if (unit.scene) json.push_back(list("scene", scene));
+        if (unit.environment) json.push_back(list("environment", environment));
+        keys[name] = hash_of(json);
     }
     std::vector<std::string> of_stages;
     for (const std::string& unit : unit_of) of_stages.push_back(keys.at(unit));

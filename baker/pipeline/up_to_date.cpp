@@ -49,15 +49,16 @@ std::optional<std::vector<std::filesystem::path>> unchanged_files(const BakeRequ
 std::optional<std::vector<std::filesystem::path>> files_if_up_to_date(const BakeRequest& request) {
     const auto reader = format::Reader::open(request.output.c_str());
     if (!reader) return {};
-    for (std::size_t i = 0; i < reader->array_count(); ++i)
-        if (!reader->verify(reader->array(i))) return {};  // damaged: bake it again
     const Json metadata = parse_metadata(reader->metadata());
     try {
         if (metadata.at("tool").at("version") != tool_version() ||
             metadata.at("options") != options_json(request) ||
             metadata.value("shard", Json()) != shard_json(request.shard))
             return {};
-        return unchanged_files(request, metadata.at("inputs"));
+        auto files = unchanged_files(request, metadata.at("inputs"));
+        for (std::size_t i = 0; files && i < reader->array_count(); ++i)
+            if (!reader->verify(reader->array(i))) return {};  // damaged: bake it again
+        return files;
     } catch (const Json::exception&) {
         return {};  // another tool's bundle: its metadata lacks what ours has
     }
