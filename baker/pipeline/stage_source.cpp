@@ -9,6 +9,11 @@ Expected<void> BakedStages::build_tracer() {
     return {};
 }
 
+const CubeTexels& BakedStages::cube(int face_size) {
+    if (!cube_) cube_.emplace(face_size);
+    return *cube_;
+}
+
 Expected<std::vector<Mip>> BakedStages::mips(const std::string&, const MipsJob& job) {
     return bake_mips(job, *inputs_.environment, progress_);
 }
@@ -55,17 +60,19 @@ Expected<WaveletReport> BakedStages::wavelet(const std::string&, const WaveletJo
                                              std::vector<std::uint32_t>& offsets,
                                              std::span<std::uint64_t> square_sums) {
     ENVBAKE_TRY_VOID(build_tracer());
-    return bake_wavelet(job, CubeTexels(job.face_size), *inputs_.scene, mesh, *tracer_, sink,
-                        offsets, square_sums, progress_);
+    return bake_wavelet(job, cube(job.face_size), *inputs_.scene, mesh, *tracer_, sink, offsets,
+                        square_sums, progress_);
 }
 
 Expected<WaveletLight> BakedStages::wavelet_light(const std::string&, const WaveletJob& job,
                                                   int channels,
                                                   std::span<const WaveletMesh> meshes) {
-    if (!meshes.empty()) ENVBAKE_TRY_VOID(build_tracer());
-    return look_at_wavelet_light(job, *inputs_.environment, channels, meshes,
-                                 inputs_.scene ? &*inputs_.scene : nullptr,
-                                 tracer_ ? &*tracer_ : nullptr);
+    if (meshes.empty())
+        return look_at_wavelet_light(job, *inputs_.environment, channels, {}, nullptr, nullptr,
+                                     nullptr);
+    ENVBAKE_TRY_VOID(build_tracer());
+    return look_at_wavelet_light(job, *inputs_.environment, channels, meshes, &cube(job.face_size),
+                                 &*inputs_.scene, &*tracer_);
 }
 
 }  // namespace envbake

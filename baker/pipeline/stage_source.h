@@ -81,11 +81,13 @@ class BakedStages : public StageSource {
 
   private:
     Expected<void> build_tracer();
+    const CubeTexels& cube(int face_size);
 
     const BakeInputs& inputs_;
     Isa isa_;
     Progress& progress_;
     std::optional<Tracer> tracer_;
+    std::optional<CubeTexels> cube_;    ///< one serves every mesh
     std::vector<BlockedRays> blocked_;  ///< [mesh]
 };
 

@@ -70,24 +70,24 @@ std::vector<RayOrigin> choose_sample(std::span<const WaveletMesh> meshes, const 
 
 WaveletLight look_at_wavelet_light(const WaveletJob& job, const Environment& environment,
                                    int channels, std::span<const WaveletMesh> meshes,
-                                   const Scene* scene, const Tracer* tracer) {
+                                   const CubeTexels* cube, const Scene* scene,
+                                   const Tracer* tracer) {
     WaveletLight light{project_wavelet(environment, job.face_size, channels), {}};
     if (meshes.empty()) return light;
     const std::vector<RayOrigin> origins = choose_sample(meshes, *scene, *tracer, light.sample);
-    const CubeTexels cube(job.face_size);
     const float step = wavelet_step(job);
     parallel_for(origins.size(), [&](std::size_t i) {
         WaveletLight::Vertex& vertex = light.sample[i];
         std::vector<float>& row = vertex.looked;
         row.resize(light.coeffs.size());
         if (is_free(origins[i], tracer->half_spaces()))
-            open_wavelet_transport(cube, origins[i].normal, row);
+            open_wavelet_transport(*cube, origins[i].normal, row);
         else
-            wavelet_transport(cube, *tracer, origins[i], row, Look::AtOutlines);
+            wavelet_transport(*cube, *tracer, origins[i], row, Look::AtOutlines);
         vertex.stored.assign(row.size(), 0.0f);
         for (const WaveletEntry& entry : quantised(row, step))
             vertex.stored[entry.index] = static_cast<float>(entry.units) * step;
-        wavelet_transport(cube, *tracer, origins[i], row, Look::Everywhere);
+        wavelet_transport(*cube, *tracer, origins[i], row, Look::Everywhere);
     });
     return light;
 }

@@ -31,10 +31,11 @@ struct WaveletLight {
 };
 
 /// Spread evenly over the vertices of the meshes.
-///   scene, tracer  null without meshes
+///   cube, scene, tracer  null without meshes
 WaveletLight look_at_wavelet_light(const WaveletJob& job, const Environment& environment,
                                    int channels, std::span<const WaveletMesh> meshes,
-                                   const Scene* scene, const Tracer* tracer);
+                                   const CubeTexels* cube, const Scene* scene,
+                                   const Tracer* tracer);
 
 /// What the wavelet arrays of one bundle share: the basis, and how much transport meets each
 /// coefficient.
