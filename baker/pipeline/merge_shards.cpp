@@ -38,7 +38,8 @@ Expected<Opened> open_shard(const std::filesystem::path& path) {
         opened.shard.index > opened.shard.count || !opened.shared.is_object() ||
         !opened.shared.contains("results"))
         return damaged;
-    opened.file.results = std::move(opened.shared["results"]);
+    for (auto& [output, result] : opened.shared["results"].items())
+        opened.file.results.emplace(output, std::move(result));
     opened.shared.erase("results");
     opened.shared.erase("shard");
     return opened;

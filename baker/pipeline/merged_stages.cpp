@@ -50,10 +50,6 @@ Expected<std::uint64_t> pass_on(const ShardFile& shard, const std::string& name,
     return info->element_count() / row_size;
 }
 
-std::string name_of(const std::string& output) {
-    return concat("shard/", output);
-}
-
 Error unexpected(const ShardFile& shard, const std::string& output) {
     return {Errc::InvalidBundle, concat(shard.path.string(), ": says nothing usable of ", output,
                                         "; bake this shard again")};
@@ -89,20 +85,13 @@ Expected<std::vector<MergedStages::Part>> MergedStages::parts(const std::string&
 Expected<std::vector<Mip>> MergedStages::mips(const std::string& output, const MipsJob& job) {
     ENVBAKE_TRY(const ShardFile* shard, owner(output));
     std::vector<Mip> mips;
-    for (const Json& of_mip : shard->results.at(output)) {
-        Mip& mip = mips.emplace_back();
-        read_report(of_mip, mip);
-        if (mips.size() > job.levels.size() || mip.level != job.levels[mips.size() - 1] ||
-            mip.channels != job.channels || (mip.faces != 1 && mip.faces != 6) || mip.width < 1 ||
-            mip.height < 1 || mip.width > 4 * job.face_size || mip.height > 2 * job.face_size)
-            return unexpected(*shard, output);
-        ENVBAKE_TRY(mip.texels, read<float>(*shard, concat(name_of(output), "/", mip.level),
-                                            static_cast<std::uint64_t>(mip.faces) *
-                                                static_cast<std::uint64_t>(mip.width) *
-                                                static_cast<std::uint64_t>(mip.height) *
-                                                static_cast<std::uint64_t>(mip.channels)));
+    for (std::size_t i = 0; i < job.levels.size(); ++i) {
+        Mip& mip = mips.emplace_back(empty_mip(job, i));
+        shard->results.at(output).at(i).get_to(mip.error_estimate);
+        ENVBAKE_TRY(mip.texels,
+                    read<float>(*shard, concat(shard_name(output), "/", mip.level),
+                                mip.texel_count() * static_cast<std::uint64_t>(mip.channels)));
     }
-    if (mips.size() != job.levels.size()) return unexpected(*shard, output);
     return mips;
 }
 
@@ -113,11 +102,11 @@ Expected<BrdfTable> MergedStages::table(const std::string& output, const BrdfTab
     if (table.size != job.size) return unexpected(*shard, output);
     const auto size = static_cast<std::uint64_t>(job.size);
     ENVBAKE_TRY(const std::vector<float> texels,
-                read<float>(*shard, name_of(output) + "/texels", 2 * size * size));
+                read<float>(*shard, shard_name(output) + "/texels", 2 * size * size));
     for (std::size_t i = 0; i < texels.size(); i += 2)
         table.texels.emplace_back(texels[i], texels[i + 1]);
     ENVBAKE_TRY(table.average_albedo,
-                read<float>(*shard, name_of(output) + "/average_albedo", size));
+                read<float>(*shard, shard_name(output) + "/average_albedo", size));
     return table;
 }
 
@@ -127,7 +116,7 @@ Expected<LobeExpansion> MergedStages::lobe(const std::string& output, const Lobe
     shard->results.at(output).at("rows").get_to(lobe.rows);
     const auto floats = [&](const char* part, int bands) {
         return read<float>(
-            *shard, name_of(output) + part,
+            *shard, shard_name(output) + part,
             static_cast<std::uint64_t>(lobe.rows) * 2 * runtime::lobe_size(job.exit_bands, bands));
     };
     ENVBAKE_TRY(lobe.unoccluded, floats("/unoccluded", job.light_bands));
@@ -160,7 +149,7 @@ Expected<DiffuseReport> MergedStages::rows(const std::string& output, const Diff
         for (std::uint64_t piece = 0; piece < part.pieces; ++piece) {
             ENVBAKE_TRY(
                 const std::uint64_t some,
-                pass_on(*part.shard, concat(name_of(output), "/", piece), bands * bands, sink));
+                pass_on(*part.shard, concat(shard_name(output), "/", piece), bands * bands, sink));
             vertices += some;
             progress_.add(some);
         }
@@ -174,7 +163,7 @@ Expected<std::vector<float>> MergedStages::normals(std::size_t mesh) {
     std::vector<float> normals;
     for (const Part& part : all) {
         ENVBAKE_TRY(const std::vector<float> some,
-                    read<float>(*part.shard, concat("shard/mesh/", mesh, "/normal"),
+                    read<float>(*part.shard, shard_name(concat("mesh/", mesh, "/normal")),
                                 3 * (part.end - part.begin)));
         normals.insert(normals.end(), some.begin(), some.end());
     }
@@ -198,21 +187,21 @@ Expected<WaveletReport> MergedStages::wavelet(const std::string& output, const W
         append(whole, report);
         const std::uint64_t blocks = (part.end - part.begin + kWaveletBlock - 1) / kWaveletBlock;
         ENVBAKE_TRY(const std::vector<std::uint32_t> ends,
-                    read<std::uint32_t>(*part.shard, name_of(output) + "/offsets", blocks + 1));
+                    read<std::uint32_t>(*part.shard, shard_name(output) + "/offsets", blocks + 1));
         const std::uint64_t before = offsets.back();
         if (before + ends.back() > std::numeric_limits<std::uint32_t>::max())
             return wavelets_too_large(mesh);
         for (std::size_t b = 1; b < ends.size(); ++b)
             offsets.push_back(static_cast<std::uint32_t>(before + ends[b]));
         ENVBAKE_TRY(const std::vector<std::uint32_t> words,
-                    read<std::uint32_t>(*part.shard, name_of(output) + "/square_sums",
+                    read<std::uint32_t>(*part.shard, shard_name(output) + "/square_sums",
                                         2 * square_sums.size()));
         for (std::size_t i = 0; i < square_sums.size(); ++i)
             square_sums[i] += words[2 * i] + (std::uint64_t{words[2 * i + 1]} << 32);
         std::uint64_t bytes = 0;
         for (std::uint64_t piece = 0; piece < part.pieces; ++piece) {
             ENVBAKE_TRY(const std::uint64_t some,
-                        pass_on(*part.shard, concat(name_of(output), "/", piece), 1, sink));
+                        pass_on(*part.shard, concat(shard_name(output), "/", piece), 1, sink));
             bytes += some;
         }
         if (bytes != 4 * std::uint64_t{ends.back()}) return unexpected(*part.shard, output);
@@ -227,12 +216,12 @@ Expected<WaveletLight> MergedStages::wavelet_light(const std::string& output, co
     const std::uint64_t count = wavelet::coeff_count(job.face_size);
     WaveletLight light;
     ENVBAKE_TRY(const std::vector<float> coeffs,
-                read<float>(*shard, name_of(output) + "/coeffs", 3 * count));
+                read<float>(*shard, shard_name(output) + "/coeffs", 3 * count));
     for (std::size_t i = 0; i < coeffs.size(); i += 3)
         light.coeffs.push_back({coeffs[i], coeffs[i + 1], coeffs[i + 2]});
     const auto sample = shard->results.at(output).at("sample").get<std::uint64_t>();
     for (std::uint64_t i = 0; i < sample; ++i) {
-        const std::string name = concat(name_of(output), "/", i);
+        const std::string name = concat(shard_name(output), "/", i);
         ENVBAKE_TRY(const std::vector<std::uint32_t> which,
                     read<std::uint32_t>(*shard, name + "/vertex", 2));
         WaveletLight::Vertex& vertex = light.sample.emplace_back();

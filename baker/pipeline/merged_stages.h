@@ -7,6 +7,7 @@
 #include "envbake/format/reader.h"
 
 #include <filesystem>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,7 +17,7 @@ namespace envbake {
 /// A part of a bake, as it lies on the disk.
 struct ShardFile {
     std::filesystem::path path;
-    Json results;
+    std::map<std::string, Json> results;  ///< of the stages that it ran, by their output
 };
 
 /// What the stages gave, read from shards. A shard is mapped only as long as one of its arrays is

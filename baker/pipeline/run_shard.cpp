@@ -38,7 +38,6 @@ class ShardRun {
                          concat(request_.output.string(), ": ", format::to_string(done.error()))};
         return {};
     }
-    static std::string name_of(const std::string& output) { return concat("shard/", output); }
 
     void announce();
 
@@ -113,13 +112,13 @@ Expected<void> ShardRun::execute() {
 Expected<void> ShardRun::bake(const std::string& output, const PlannedMips& planned) {
     if (!share_.takes_next()) return {};
     ENVBAKE_TRY(const std::vector<Mip> mips, stages_.mips(output, planned.job));
-    Json list = Json::array();
+    Json errors = Json::array();
     for (const Mip& mip : mips) {
-        list.push_back(report_json(mip));
-        ENVBAKE_TRY_VOID(
-            add<float>(concat(name_of(output), "/", mip.level), {mip.texels.size()}, mip.texels));
+        errors.push_back(mip.error_estimate);
+        ENVBAKE_TRY_VOID(add<float>(concat(shard_name(output), "/", mip.level), {mip.texels.size()},
+                                    mip.texels));
     }
-    results_[output] = std::move(list);
+    results_[output] = std::move(errors);
     return {};
 }
 
@@ -129,8 +128,8 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedTable& pla
     std::vector<float> texels;
     for (const Vec2& texel : table.texels) texels.insert(texels.end(), {texel.x, texel.y});
     results_[output] = report_json(table);
-    ENVBAKE_TRY_VOID(add<float>(name_of(output) + "/texels", {texels.size()}, texels));
-    return add<float>(name_of(output) + "/average_albedo", {table.average_albedo.size()},
+    ENVBAKE_TRY_VOID(add<float>(shard_name(output) + "/texels", {texels.size()}, texels));
+    return add<float>(shard_name(output) + "/average_albedo", {table.average_albedo.size()},
                       table.average_albedo);
 }
 
@@ -139,8 +138,8 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedLobe& plan
     ENVBAKE_TRY(const LobeExpansion lobe, stages_.lobe(output, planned.job));
     results_[output] = {{"rows", lobe.rows}};
     ENVBAKE_TRY_VOID(
-        add<float>(name_of(output) + "/unoccluded", {lobe.unoccluded.size()}, lobe.unoccluded));
-    return add<float>(name_of(output) + "/kernel", {lobe.kernel.size()}, lobe.kernel);
+        add<float>(shard_name(output) + "/unoccluded", {lobe.unoccluded.size()}, lobe.unoccluded));
+    return add<float>(shard_name(output) + "/kernel", {lobe.kernel.size()}, lobe.kernel);
 }
 
 Expected<void> ShardRun::rows(const std::string& output, DiffuseJob job, std::size_t mesh,
@@ -153,7 +152,7 @@ Expected<void> ShardRun::rows(const std::string& output, DiffuseJob job, std::si
     const std::uint64_t row_size = bands * bands;
     std::uint64_t pieces = 0;
     const auto sink = [&](std::span<const float> some) {
-        return add<float>(concat(name_of(output), "/", pieces++),
+        return add<float>(concat(shard_name(output), "/", pieces++),
                           {some.size() / row_size, row_size}, some);
     };
     ENVBAKE_TRY(const DiffuseReport report, stages_.rows(output, job, mesh, for_bounces, sink));
@@ -172,7 +171,7 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedGlossy& pl
     const auto [begin, end] = share_.vertices(planned.mesh);
     if (begin == end) return {};
     ENVBAKE_TRY(const std::vector<float> normals, stages_.normals(planned.mesh));
-    return add<float>(concat("shard/mesh/", planned.mesh, "/normal"), {end - begin, 3},
+    return add<float>(shard_name(concat("mesh/", planned.mesh, "/normal")), {end - begin, 3},
                       std::span(normals).subspan(3 * begin, 3 * (end - begin)));
 }
 
@@ -188,7 +187,7 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedWavelet& p
     std::uint64_t pieces = 0;
     const auto flush = [&]() -> Expected<void> {
         ENVBAKE_TRY_VOID(
-            add<std::uint8_t>(concat(name_of(output), "/", pieces++), {piece.size()},
+            add<std::uint8_t>(concat(shard_name(output), "/", pieces++), {piece.size()},
                               {reinterpret_cast<const std::uint8_t*>(piece.data()), piece.size()}));
         piece.clear();
         return {};
@@ -211,8 +210,9 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedWavelet& p
     }
     results_[output] = {
         {"begin", begin}, {"end", end}, {"pieces", pieces}, {"report", report_json(report)}};
-    ENVBAKE_TRY_VOID(add<std::uint32_t>(name_of(output) + "/offsets", {offsets.size()}, offsets));
-    return add<std::uint32_t>(name_of(output) + "/square_sums", {sums.size(), 2}, words);
+    ENVBAKE_TRY_VOID(
+        add<std::uint32_t>(shard_name(output) + "/offsets", {offsets.size()}, offsets));
+    return add<std::uint32_t>(shard_name(output) + "/square_sums", {sums.size(), 2}, words);
 }
 
 Expected<void> ShardRun::bake(const std::string& output, const PlannedWaveletLight& planned) {
@@ -224,10 +224,10 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedWaveletLig
     for (const wavelet::Rgb& coeff : light.coeffs)
         values.insert(values.end(), coeff.begin(), coeff.end());
     results_[output] = {{"sample", light.sample.size()}};
-    ENVBAKE_TRY_VOID(add<float>(name_of(output) + "/coeffs", {coeffs, 3}, values));
+    ENVBAKE_TRY_VOID(add<float>(shard_name(output) + "/coeffs", {coeffs, 3}, values));
     for (std::size_t i = 0; i < light.sample.size(); ++i) {
         const WaveletLight::Vertex& vertex = light.sample[i];
-        const std::string name = concat(name_of(output), "/", i);
+        const std::string name = concat(shard_name(output), "/", i);
         const std::uint32_t which[2] = {vertex.mesh, vertex.vertex};
         ENVBAKE_TRY_VOID(add<std::uint32_t>(name + "/vertex", {2}, which));
         ENVBAKE_TRY_VOID(
