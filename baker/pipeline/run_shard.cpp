@@ -77,13 +77,10 @@ void ShardRun::announce() {
     std::uint64_t total = 0;
     for (const PlannedStage& stage : plan_.stages) {
         if (!stage.job) continue;
-        const auto count = [&](std::size_t mesh) {
-            const auto [begin, end] = share_.vertices(mesh);
+        if (const auto mesh = mesh_of_rows(*stage.job)) {
+            const auto [begin, end] = share_.vertices(*mesh);
             total += end - begin;
-        };
-        if (const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job)) count(glossy->mesh);
-        if (const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job))
-            if (!diffuse->from_glossy) count(diffuse->mesh);
+        }
     }
     progress_.begin("diffuse transport", "vertices", total);
 }

@@ -20,6 +20,9 @@ namespace envbake {
 template <class T>
 using Sink = std::function<Expected<void>(std::span<const T>)>;
 
+/// The mesh whose rows() a stage asks for; none where it asks for none.
+std::optional<std::size_t> mesh_of_rows(const Job& job);
+
 /// Where a run has what its stages give, before any encoding: from the stages themselves, or from
 /// the parts of a bake whose stages ran elsewhere. What the run makes of it is the same.
 ///
