@@ -16,36 +16,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using Arguments = std::vector<std::string>;
-
-Arguments operator+(Arguments a, const Arguments& b) {
-    a.insert(a.end(), b.begin(), b.end());
-    return a;
-}
-
 class Shards : public ::testing::Test {
   protected:
     /// Of 965 vertices: four blocks that work is cut into, the last one short.
     void SetUp() override {
         scene_ = write_small_scene(folder_.path(), "scene", 30).string();
         sky_ = write_small_sky(folder_ / "sky.hdr").string();
-        two_ = write_two_meshes();
-    }
-
-    /// The scene, and itself once more above it, of a material that shines a little.
-    std::string write_two_meshes() {
-        const fs::path file = write_small_scene(folder_.path(), "two", 30);
-        std::string text = read_file(file);
-        const auto replace = [&](const std::string& from, const std::string& to) {
-            const auto at = text.find(from);
-            ASSERT_NE(at, std::string::npos) << from;
-            text.replace(at, from.size(), to);
-        };
-        replace(R"("scenes":[{"nodes":[0]}])", R"("scenes":[{"nodes":[0,1]}])");
-        replace(R"("nodes":[{)", R"("nodes":[{"mesh":0,"name":"above","translation":[0.5,2,0]},{)");
-        replace(R"({"name":"clay",)", R"({"name":"clay","emissiveFactor":[0.5,0.25,0.125],)");
-        write_file(file, text);
-        return file.string();
+        two_ = write_two_meshes(folder_.path(), "two", 30, kShines).string();
     }
 
     fs::path shard_file(int index) const { return folder_ / concat_name(index); }
@@ -88,6 +65,7 @@ class Shards : public ::testing::Test {
         return outcome.err;
     }
 
+    static constexpr const char* kShines = R"("emissiveFactor":[0.5,0.25,0.125],)";
     TemporaryFolder folder_;
     std::string scene_, two_, sky_;
     const Arguments small_{"--mip-size", "16", "--mip-count", "3", "--table-size", "16"};
