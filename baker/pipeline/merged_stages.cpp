@@ -72,12 +72,12 @@ Expected<std::vector<MergedStages::Part>> MergedStages::parts(const std::string&
         const Json& json = shard.results.at(output);
         parts.push_back({&shard, json.at("begin").get<std::uint64_t>(),
                          json.at("end").get<std::uint64_t>(),
-                         json.at("pieces").get<std::uint64_t>(), json.at("report")});
+                         json.at("pieces").get<std::uint64_t>(), json});
         if (parts.back().begin != next || parts.back().end <= next)
             return unexpected(shard, output);
         next = parts.back().end;
     }
-    if (next != facts_.meshes[mesh].vertex_count)
+    if (next != inputs_.facts.meshes[mesh].vertex_count)
         return unexpected(parts.empty() ? shards_.front() : *parts.back().shard, output);
     return parts;
 }
@@ -125,13 +125,14 @@ Expected<LobeExpansion> MergedStages::lobe(const std::string& output, const Lobe
 }
 
 Expected<DiffuseReport> MergedStages::rows(const std::string& output, const DiffuseJob& job,
-                                           std::size_t mesh, bool, const Sink<float>& sink) {
+                                           std::size_t mesh, bool for_bounces,
+                                           const Sink<float>& sink) {
     ENVBAKE_TRY(const std::vector<Part> all, parts(output, mesh));
     const auto bands = static_cast<std::uint64_t>(std::max(job.bands, job.row_bands));
     DiffuseReport whole;
     for (const Part& part : all) {
         DiffuseReport report;
-        read_report(part.report, report);
+        read_report(part.result.at("report"), report);
         if (part.begin == 0) {
             whole = report;
         } else {
@@ -155,6 +156,7 @@ Expected<DiffuseReport> MergedStages::rows(const std::string& output, const Diff
         }
         if (vertices != part.end - part.begin) return unexpected(*part.shard, output);
     }
+    if (for_bounces) ENVBAKE_TRY_VOID(read_blocked(output, job, mesh, all));
     return whole;
 }
 
@@ -170,8 +172,33 @@ Expected<std::vector<float>> MergedStages::normals(std::size_t mesh) {
     return normals;
 }
 
-Expected<BounceReport> MergedStages::bounces(const BounceJob&, std::span<MeshTransport>) {
-    return unexpected(shards_.front(), "bounces");
+Expected<void> MergedStages::read_blocked(const std::string& output, const DiffuseJob& job,
+                                          std::size_t mesh, std::span<const Part> parts) {
+    const Json& first = parts.front().result;
+    DiffuseReport report;
+    read_report(first.at("report"), report);
+    const auto packets = first.at("packets").get<std::uint64_t>();
+    if (packets == 0) return {};
+    BlockedRays& blocked = blocked_[mesh];
+    blocked.seed = job.seed;
+    blocked.set = make_ray_set(report.rays_per_vertex, job.bands, first.at("pilot") == true);
+    for (const Part& part : parts) {
+        if (packets != blocked.set.directions.size() || part.result.at("packets") != packets ||
+            part.result.at("pilot") != first.at("pilot"))
+            return unexpected(*part.shard, output);
+        ENVBAKE_TRY(const std::vector<std::uint16_t> masks,
+                    read<std::uint16_t>(*part.shard, shard_name(output) + "/blocked",
+                                        (part.end - part.begin) * packets));
+        blocked.masks.insert(blocked.masks.end(), masks.begin(), masks.end());
+    }
+    return {};
+}
+
+/// The only stage that is not cut: a place reflects what all the others get.
+Expected<BounceReport> MergedStages::bounces(const BounceJob& job,
+                                             std::span<MeshTransport> transport) {
+    ENVBAKE_TRY(const Tracer tracer, Tracer::build(*inputs_.scene, isa_));
+    return add_bounces(job, *inputs_.scene, tracer, blocked_, transport);
 }
 
 Expected<WaveletReport> MergedStages::wavelet(const std::string& output, const WaveletJob&,
@@ -183,7 +210,7 @@ Expected<WaveletReport> MergedStages::wavelet(const std::string& output, const W
     offsets.assign(1, 0);
     for (const Part& part : all) {
         WaveletReport report;
-        read_report(part.report, report);
+        read_report(part.result.at("report"), report);
         append(whole, report);
         const std::uint64_t blocks = (part.end - part.begin + kWaveletBlock - 1) / kWaveletBlock;
         ENVBAKE_TRY(const std::vector<std::uint32_t> ends,

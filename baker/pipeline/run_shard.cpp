@@ -155,7 +155,16 @@ Expected<void> ShardRun::rows(const std::string& output, DiffuseJob job, std::si
     ENVBAKE_TRY(const DiffuseReport report, stages_.rows(output, job, mesh, for_bounces, sink));
     results_[output] = {
         {"begin", begin}, {"end", end}, {"pieces", pieces}, {"report", report_json(report)}};
-    return {};
+    if (!for_bounces) return {};
+    const BlockedRays blocked = stages_.take_blocked(mesh);
+    const std::uint64_t packets = blocked.set.directions.size();
+    results_[output]["packets"] = packets;
+    results_[output]["pilot"] = blocked.set.pilot_packets > 0;
+    if (packets == 0) return {};
+    return add<std::uint16_t>(
+        shard_name(output) + "/blocked", {end - begin, packets},
+        std::span(blocked.masks).subspan(begin * packets, (end - begin) * packets),
+        format::Codec::Zstd);
 }
 
 Expected<void> ShardRun::bake(const std::string& output, const PlannedDiffuse& planned) {
@@ -239,11 +248,6 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedWaveletLig
 
 Expected<void> run_shard(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
                          Progress& progress) try {
-    for (const PlannedStage& stage : plan.stages)
-        if (stage.job && std::holds_alternative<PlannedBounces>(*stage.job))
-            return Error{Errc::Usage,
-                         "--shard with --bounces: light between surfaces needs the whole scene's "
-                         "transport at once; bake it without --shard"};
     auto writer = format::Writer::create(request.output.string());
     const auto failed = [&](const format::Error& error) {
         return Error{Errc::Failed, concat(request.output.string(), ": ", format::to_string(error))};

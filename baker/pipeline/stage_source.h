@@ -13,6 +13,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace envbake {
@@ -79,8 +80,8 @@ class BakedStages : public StageSource {
 
     /// Whether any stage had rays to cast.
     bool traced() const { return tracer_.has_value(); }
-    /// What the rays of a mesh met, where that was asked for.
-    const BlockedRays& blocked(std::size_t mesh) const { return blocked_[mesh]; }
+    /// What the rays of a mesh met, where that was asked for; it is forgotten here.
+    BlockedRays take_blocked(std::size_t mesh) { return std::exchange(blocked_[mesh], {}); }
 
   private:
     Expected<void> build_tracer();

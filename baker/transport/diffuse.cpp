@@ -83,7 +83,8 @@ class DiffuseBake {
     std::vector<BakedTwice> bake_twice(const RaySet& set, std::span<const std::uint32_t> sample);
     double mean_square(const CrossingError& error, std::span<const BakedTwice> baked) const;
     bool is_open(const RayOrigin& origin) const;
-    Traced bake_row(std::uint32_t vertex, std::span<float> row) const;
+    Traced bake_row(std::uint32_t vertex, std::span<float> row,
+                    std::span<std::uint16_t> masks) const;
     std::span<std::uint16_t> masks_of(std::uint32_t vertex) const;
     double random(std::uint32_t vertex, Stage stage) const;
 
@@ -265,11 +266,12 @@ std::span<std::uint16_t> DiffuseBake::masks_of(std::uint32_t vertex) const {
     return std::span(blocked_->masks).subspan(vertex * packets, packets);
 }
 
-Traced DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row) const {
+Traced DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row,
+                             std::span<std::uint16_t> masks) const {
     const RayOrigin origin = points_.origin(vertex, tracer_.space());
     if (!is_open(origin))
         return visible_transport(set_, tracer_, origin, 2 * pi * random(vertex, kResultTurns), row,
-                                 Stop::WhereSolved, masks_of(vertex));
+                                 Stop::WhereSolved, masks);
     std::array<double, sh::coeff_count(kMaxRowBands)> exact;
     unoccluded_transport(row_bands_, origin.normal, exact);
     for (std::size_t i = 0; i < row.size(); ++i) row[i] = static_cast<float>(exact[i]);
@@ -327,7 +329,9 @@ Expected<DiffuseReport> DiffuseBake::run(
                 if (points_.representative(v) == SurfacePoints::kNone) {
                     std::fill(row(v).begin(), row(v).end(), 0.0f);
                 } else if (!is_copy(v) || is_repeated(v)) {
-                    traced[v - begin] = bake_row(points_.representative(v), row(v));
+                    const auto masks = is_copy(v) ? std::span<std::uint16_t>()
+                                                  : masks_of(static_cast<std::uint32_t>(v));
+                    traced[v - begin] = bake_row(points_.representative(v), row(v), masks);
                     rays += static_cast<std::uint64_t>(traced[v - begin].rays);
                 }
             }
