@@ -60,6 +60,12 @@ void tell_error(DiffuseReport& report) {
     report.error_p999 = estimate.p999;
 }
 
+/// What is expected of one vertex.
+double square_error(const CrossingError& error, const Traced& traced) {
+    if (traced.rays == 0) return 0;
+    return traced.crossings == 0 ? error.solved : traced.crossings * error.per_crossing;
+}
+
 class DiffuseBake {
   public:
     DiffuseBake(const DiffuseJob& job, const Scene& scene, std::size_t mesh, const Tracer& tracer,
@@ -325,6 +331,7 @@ Expected<DiffuseReport> DiffuseBake::run(
             const std::size_t first = begin + block * kBlock;
             const std::size_t end = std::min(first + kBlock, begin + size);
             std::uint64_t rays = 0;
+            double squares = 0;
             for (std::size_t v = first; v < end; ++v) {
                 if (points_.representative(v) == SurfacePoints::kNone) {
                     std::fill(row(v).begin(), row(v).end(), 0.0f);
@@ -333,9 +340,11 @@ Expected<DiffuseReport> DiffuseBake::run(
                                                   : masks_of(static_cast<std::uint32_t>(v));
                     traced[v - begin] = bake_row(points_.representative(v), row(v), masks);
                     rays += static_cast<std::uint64_t>(traced[v - begin].rays);
+                    squares += copies_[v] * square_error(error_, traced[v - begin]);
                 }
             }
             progress.add(end - first, rays);
+            if (job_.shadowed) progress.add_error(squares, end - first);
         });
         for (std::size_t v = begin; v < begin + size; ++v) {
             const Traced& t = traced[v - begin];
