@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes the seeds that the fuzzers of images, environments and scenes start from.
 
-    make_corpus.py FOLDER      makes FOLDER/image, FOLDER/environment and FOLDER/scene
+    make_corpus.py FOLDER      makes FOLDER/image, FOLDER/environment and FOLDER/scene, the last of what
+                               make_meshes has left in FOLDER/compression, too
 """
 import base64
 import json
@@ -117,6 +118,7 @@ class Scene:
 
     def __init__(self):
         self.data = b""
+        self.fallbacks = []  # buffers without data, of what is compressed
         self.gltf = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
                      "meshes": [{"primitives": []}], "accessors": [], "bufferViews": []}
 
@@ -142,7 +144,7 @@ class Scene:
         self.gltf["meshes"][0]["primitives"].append(primitive)
 
     def glb(self):
-        self.gltf["buffers"] = [{"byteLength": len(self.data)}]
+        self.gltf["buffers"] = [{"byteLength": len(self.data)}, *self.fallbacks]
         text = json.dumps(self.gltf).encode()
         text += b" " * (-len(text) % 4)
         data = self.data + b"\0" * (-len(self.data) % 4)
@@ -212,3 +214,54 @@ sparse.gltf["accessors"][quantised]["type"] = "VEC3"
 sparse.gltf["extensionsUsed"] = sparse.gltf["extensionsRequired"] = ["KHR_mesh_quantization"]
 sparse.primitive({"POSITION": p})
 write("scene", "sparse.glb", sparse.glb())
+
+
+# Meshes that are compressed: positions, normals, places in the texture and joints, as make_meshes has them.
+def glb_of(draco):
+    stream = draco.read_bytes()
+    vertices, _, indices = struct.unpack("<IIQ", draco.with_suffix(".worker").read_bytes()[1:17])
+    scene = Scene()
+
+    def accessor(component, kind, count):
+        scene.gltf["accessors"].append({"componentType": component, "type": kind, "count": count})
+        return len(scene.gltf["accessors"]) - 1
+
+    attributes = {"POSITION": accessor(5126, "VEC3", vertices), "NORMAL": accessor(5126, "VEC3", vertices),
+                  "TEXCOORD_0": accessor(5126, "VEC2", vertices), "JOINTS_0": accessor(5121, "VEC4", vertices)}
+    weights = scene.accessor("f", 5126, "VEC4", [1, 0, 0, 0] * vertices)
+    scene.primitive({**attributes, "WEIGHTS_0": weights}, accessor(5125, "SCALAR", indices),
+                    extensions={"KHR_draco_mesh_compression": {
+                        "bufferView": scene.view(stream), "attributes": {name: i for i, name in enumerate(attributes)}}})
+    scene.gltf["extensionsUsed"] = scene.gltf["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    return scene.glb()
+
+
+for file in sorted((folder / "compression").glob("*.draco")):
+    write("scene", file.stem + "_draco.glb", glb_of(file))
+
+
+def meshopt_view(scene, name):
+    data = (folder / "compression" / name).read_bytes()
+    mode, filter_, stride, low, high = data[:5]
+    count = low + 256 * high
+    view = scene.view(data[5:])
+    compressed = scene.gltf["bufferViews"][view]
+    scene.gltf["bufferViews"][view] = {"buffer": 1, "byteLength": count * stride, "extensions": {"EXT_meshopt_compression": {
+        **compressed, "byteStride": stride, "count": count, "mode": ["ATTRIBUTES", "TRIANGLES", "INDICES"][mode],
+        "filter": ["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"][filter_]}}}
+    return view, count
+
+
+for positions, indices, component in (("positions", "triangles1", 5123), ("exponential", "indices1", 5125)):
+    packed = Scene()
+    accessors = []
+    for name, form in ((positions, (5126, "VEC3")), ("octahedral", (5120, "VEC4")), (indices, (component, "SCALAR"))):
+        view, count = meshopt_view(packed, name + ".meshopt")
+        packed.gltf["accessors"].append({"bufferView": view, "componentType": form[0], "type": form[1], "count": count})
+        accessors.append(len(packed.gltf["accessors"]) - 1)
+    packed.gltf["accessors"][accessors[1]].update(type="VEC3", normalized=True)
+    packed.gltf["bufferViews"][1]["byteStride"] = 4
+    packed.primitive({"POSITION": accessors[0], "NORMAL": accessors[1]}, accessors[2])
+    packed.gltf["extensionsUsed"] = packed.gltf["extensionsRequired"] = ["EXT_meshopt_compression", "KHR_mesh_quantization"]
+    packed.fallbacks = [{"byteLength": 1 << 16, "extensions": {"EXT_meshopt_compression": {"fallback": True}}}]
+    write("scene", positions + "_meshopt.glb", packed.glb())
