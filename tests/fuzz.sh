@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Fuzzes what reads files, under ASan and UBSan: bundles, scenes, compressed meshes, environments,
 # and the decoders of images.
-#   tests/fuzz.sh [SECONDS [TARGET...]]      default: 30, shared by all: bundle validate scene compression
-#                                            environment image
+#   tests/fuzz.sh [SECONDS [TARGET...]]      default: 30, shared by: bundle validate scene compression
+#                                            environment image; there is also plan, which links
+#                                            the whole baker
 # What was found on the way is kept in build/fuzz/corpus, so that the next run goes on from there.
 # A finding is left in build/fuzz/findings and makes the exit status 1.
 set -euo pipefail
@@ -22,13 +23,17 @@ python3 tests/fuzz/make_corpus.py $seeds
 mkdir -p build/fuzz/findings $seeds/bundle $seeds/validate
 cp tests/fuzz/corpus/bundle/* $seeds/bundle
 cp tests/fuzz/corpus/bundle/* $seeds/validate
+if [[ " ${targets[*]} " == *" plan "* ]]; then  # what the others have found is what can be planned
+    mkdir -p $seeds/plan build/fuzz/corpus/{scene,environment}
+    find {$seeds,build/fuzz/corpus}/{scene,environment} -type f -exec cp -t $seeds/plan {} +
+fi
 
 # No more memory than the format lets a bundle of this size ask for, and then some. A scene may
 # claim many vertices of a small file. OpenEXR asks for what an attribute claims, up to 2 GB: the
 # worker that decodes images has a limit of its own. Draco fills what a few bytes claim for seconds.
-declare -A malloc_limit_mb=([bundle]=20 [validate]=64 [scene]=1024 [compression]=1024 [environment]=1024 [image]=4096)
-declare -A max_len=([bundle]=65536 [validate]=65536 [scene]=16384 [compression]=4096 [environment]=8192 [image]=8192)
-declare -A timeout=([scene]=100 [compression]=100)
+declare -A malloc_limit_mb=([bundle]=20 [validate]=64 [scene]=1024 [compression]=1024 [plan]=1024 [environment]=1024 [image]=4096)
+declare -A max_len=([bundle]=65536 [validate]=65536 [scene]=16384 [compression]=4096 [plan]=16384 [environment]=8192 [image]=8192)
+declare -A timeout=([scene]=100 [compression]=100 [plan]=100)
 for target in "${targets[@]}"; do
     mkdir -p "build/fuzz/corpus/$target"
     printf '\n--- %s, %s s\n' "$target" "$seconds"
