@@ -63,9 +63,22 @@ void require_kinds(const Json& like, const Json& json) {
         for (const Json& element : json) require_kinds(like.front(), element);
 }
 
+/// A value whose lists are not empty, unless nothing else than what they hold can be read from
+/// JSON.
+template <class T>
+T example() {
+    return {};
+}
+template <>
+DiffuseReport example() {
+    DiffuseReport report;
+    report.crossings = {0};
+    return report;
+}
+
 template <class T>
 void from(const Json& json, T& value) {
-    require_kinds(to(T()), json);
+    require_kinds(to(example<T>()), json);
     nlohmann::json(json).get_to(value);
 }
 template <class T>

@@ -104,15 +104,51 @@ for name, data in images.items():
     write("environment", name, data)
 
 
-# glTF
-def png(width, height):
+# PNG of every kind of pixel, JPEG of one grey block and of three.
+def png(width, height, colour=6, bits=8, interlaced=0, palette=b"", transparent=b""):
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-    rows = b"".join(b"\0" + bytes((60 * x + y) % 256 for x in range(4 * width)) for y in range(height))
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0))
-            + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+    channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[colour]
+
+    def rows(columns, lines):
+        size = (columns * channels * bits + 7) // 8
+        return b"".join(bytes([y % 5]) + bytes((60 * x + y) % 4 for x in range(size)) for y in range(lines))
+
+    passes = [(0, 8, 0, 8), (4, 8, 0, 8), (0, 4, 4, 8), (2, 4, 0, 4), (0, 2, 2, 4), (1, 2, 0, 2), (0, 1, 1, 2)]
+    pixels = rows(width, height) if not interlaced else b"".join(
+        rows((width - x + dx - 1) // dx, (height - y + dy - 1) // dy) for x, dx, y, dy in passes if x < width)
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, interlaced))
+            + (chunk(b"PLTE", palette) if palette else b"") + (chunk(b"tRNS", transparent) if transparent else b"")
+            + chunk(b"IDAT", zlib.compress(pixels)) + chunk(b"IEND", b""))
 
 
+def jpeg(components, progressive=False):
+    def segment(marker, data):
+        return bytes([0xFF, marker]) + struct.pack(">H", len(data) + 2) + data
+
+    ids = range(1, components + 1)
+    one_code = [1] + [0] * 15  # the code 0
+    scan = bytes([components]) + b"".join(bytes([i, 0]) for i in ids) + bytes([0, 0 if progressive else 63, 0])
+    return (b"\xff\xd8" + segment(0xDB, b"\0" + b"\x10" * 64)
+            + segment(0xC2 if progressive else 0xC0,
+                      struct.pack(">BHHB", 8, 8, 8, components) + b"".join(bytes([i, 0x11, 0]) for i in ids))
+            + segment(0xC4, bytes([0x00, *one_code, 6])) + segment(0xC4, bytes([0x10, *one_code, 0]))
+            + segment(0xDA, scan) + b"\x3e" * components + b"\xff\xd9")
+
+
+textures = {
+    "rgba.png": png(3, 2), "rgb.png": png(3, 2, 2), "grey_alpha.png": png(3, 2, 4), "grey16.png": png(3, 2, 0, 16),
+    "bits.png": png(9, 3, 0, 1), "transparent.png": png(3, 2, 2, transparent=b"\0\1\0\2\0\3"),
+    "palette.png": png(5, 2, 3, 2, palette=bytes(range(12)), transparent=b"\0\x80"),
+    "interlaced.png": png(9, 9, 6, 8, 1), "grey.jpg": jpeg(1), "colour.jpg": jpeg(3),
+    "progressive.jpg": jpeg(1, progressive=True),
+}
+for name, data in textures.items():
+    write("image", name, data)
+
+
+# glTF
 class Scene:
     """One buffer and what lies in it."""
 
