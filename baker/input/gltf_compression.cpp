@@ -2,11 +2,12 @@
 #include "baker/input/gltf_compression.h"
 
 #include "baker/input/gltf_uri.h"
+#include "baker/input/image_worker.h"
+#include "baker/input/image_worker/protocol.h"
 
-#include <draco/compression/decode.h>
 #include <meshoptimizer.h>
 
-#include <exception>
+#include <cstring>
 #include <utility>
 
 namespace envbake::gltf {
@@ -17,25 +18,28 @@ Error refuse(std::string message) {
     return {Errc::InvalidInput, std::move(message)};
 }
 
-/// glTF's number of a Draco type; 0 when glTF has none.
-int component_type_of(draco::DataType type) {
-    switch (type) {
-        case draco::DT_INT8:
-            return 5120;
-        case draco::DT_UINT8:
-            return 5121;
-        case draco::DT_INT16:
-            return 5122;
-        case draco::DT_UINT16:
-            return 5123;
-        case draco::DT_UINT32:
-            return 5125;
-        case draco::DT_FLOAT32:
-            return 5126;
-        default:
-            return 0;
+/// Copies one value after another out of bytes.
+class Cursor {
+  public:
+    explicit Cursor(std::span<const std::byte> bytes) : left_(bytes) {}
+
+    std::uint64_t left() const { return left_.size(); }
+    /// The next bytes; there are so many.
+    std::span<const std::byte> take(std::uint64_t size) {
+        const auto taken = left_.first(size);
+        left_ = left_.subspan(size);
+        return taken;
     }
-}
+    template <class T>
+    T take() {
+        T value;
+        std::memcpy(&value, take(sizeof value).data(), sizeof value);
+        return value;
+    }
+
+  private:
+    std::span<const std::byte> left_;
+};
 
 }  // namespace
 
@@ -67,53 +71,51 @@ Expected<std::vector<std::byte>> decode_meshopt(std::span<const std::byte> encod
     return decoded;
 }
 
+Expected<DracoMesh> read_draco_mesh(std::span<const std::byte> decoded,
+                                    const std::map<std::string, int>& ids) {
+    const Error nonsense = refuse("the decoder of the Draco stream answers nonsense");
+    Cursor rest(decoded);
+    if (rest.left() < sizeof(worker::DracoHeader)) return nonsense;
+    const auto header = rest.take<worker::DracoHeader>();
+    if (header.attribute_count > rest.left() / sizeof(worker::DracoAttribute)) return nonsense;
+    std::vector<worker::DracoAttribute> described(header.attribute_count);
+    for (worker::DracoAttribute& a : described) a = rest.take<worker::DracoAttribute>();
+
+    if (header.index_count > rest.left() / sizeof(std::uint32_t)) return nonsense;
+    DracoMesh out;
+    out.vertex_count = header.vertex_count;
+    out.indices.resize(header.index_count);
+    if (!out.indices.empty())
+        std::memcpy(out.indices.data(), rest.take(4 * header.index_count).data(),
+                    4 * header.index_count);
+
+    // The first of an id is the one that is meant, as in Draco itself.
+    std::map<std::uint32_t, std::pair<worker::DracoAttribute, std::span<const std::byte>>> values;
+    for (const worker::DracoAttribute& a : described) {
+        const std::uint64_t size = std::uint64_t{header.vertex_count} * worker::bytes_of(a);
+        if (size > rest.left()) return nonsense;
+        values.try_emplace(a.id, a, rest.take(size));
+    }
+    if (rest.left() != 0) return nonsense;
+
+    for (const auto& [semantic, id] : ids) {
+        const auto found = values.find(static_cast<std::uint32_t>(id));
+        if (found == values.end())
+            return refuse(
+                concat("the Draco stream has no attribute ", id, " for ", shown(semantic)));
+        const auto& [a, bytes] = found->second;
+        if (worker::bytes_of(a) == 0)
+            return refuse(concat("the Draco attribute ", id, " has a type that glTF lacks"));
+        out.attributes[semantic] = {
+            a.component_type, a.component_count, {bytes.begin(), bytes.end()}};
+    }
+    return out;
+}
+
 Expected<DracoMesh> decode_draco(std::span<const std::byte> encoded,
                                  const std::map<std::string, int>& ids) {
-    try {
-        draco::DecoderBuffer buffer;
-        buffer.Init(reinterpret_cast<const char*>(encoded.data()), encoded.size());
-        draco::Decoder decoder;
-        auto status = decoder.DecodeMeshFromBuffer(&buffer);
-        if (!status.ok())
-            return refuse(
-                concat("the Draco stream is damaged: ", shown(status.status().error_msg_string())));
-        const std::unique_ptr<draco::Mesh> mesh = std::move(status).value();
-
-        DracoMesh out;
-        out.vertex_count = mesh->num_points();
-        out.indices.reserve(std::size_t{3} * mesh->num_faces());
-        for (std::uint32_t f = 0; f < mesh->num_faces(); ++f)
-            for (const draco::PointIndex& corner : mesh->face(draco::FaceIndex(f)))
-                out.indices.push_back(corner.value());
-
-        for (const auto& [semantic, id] : ids) {
-            const draco::PointAttribute* attribute =
-                mesh->GetAttributeByUniqueId(static_cast<std::uint32_t>(id));
-            if (!attribute)
-                return refuse(
-                    concat("the Draco stream has no attribute ", id, " for ", shown(semantic)));
-            DracoAttribute& a = out.attributes[semantic];
-            a.component_type = component_type_of(attribute->data_type());
-            a.component_count = attribute->num_components();
-            if (a.component_type == 0)
-                return refuse(concat("the Draco attribute ", id, " has a type that glTF lacks"));
-            const auto size =
-                static_cast<std::size_t>(a.component_count) *
-                static_cast<std::size_t>(draco::DataTypeLength(attribute->data_type()));
-            a.bytes.resize(size * out.vertex_count);
-            for (std::size_t v = 0; v < out.vertex_count; ++v) {
-                const auto index =
-                    attribute->mapped_index(draco::PointIndex(static_cast<std::uint32_t>(v)));
-                if (index.value() >= attribute->size())
-                    return refuse(
-                        concat("the Draco attribute ", id, " lacks a value for vertex ", v));
-                attribute->GetValue(index, a.bytes.data() + v * size);
-            }
-        }
-        return out;
-    } catch (const std::exception& e) {
-        return refuse(concat("the Draco stream cannot be decoded: ", shown(e.what())));
-    }
+    ENVBAKE_TRY(const SharedPixels decoded, decode_draco_stream(encoded));
+    return read_draco_mesh(decoded.bytes(), ids);
 }
 
 }  // namespace envbake::gltf

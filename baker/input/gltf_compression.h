@@ -40,8 +40,15 @@ struct DracoMesh {
 /// Decodes a triangle mesh. `ids` maps glTF semantics to the stream's unique attribute ids;
 /// vertices stand in the order of the decoder's points.
 ///
+/// Draco runs in the image worker: a few bytes can make it take gigabytes, or seconds.
+///
 /// Errors:  InvalidInput  the stream is damaged, or lacks an attribute
+///          Failed        the worker cannot be started
 Expected<DracoMesh> decode_draco(std::span<const std::byte> encoded,
                                  const std::map<std::string, int>& ids);
+/// The second half of it: from the bytes that the worker leaves, image_worker/protocol.h, which may
+/// be any.
+Expected<DracoMesh> read_draco_mesh(std::span<const std::byte> decoded,
+                                    const std::map<std::string, int>& ids);
 
 }  // namespace envbake::gltf

@@ -129,7 +129,8 @@ class Reader {
         auto bytes = asset_.buffer_view(extension->second.Get("bufferView").GetNumberAsInt());
         if (!bytes) return refuse(where, bytes.error().message);
         auto decoded = decode_draco(*bytes, wanted);
-        if (!decoded) return refuse(where, decoded.error().message);
+        if (!decoded)
+            return Error{decoded.error().code, concat(where, ": ", decoded.error().message)};
         draco_ = *std::move(decoded);
         for (const auto& [semantic, accessor] : source_.attributes)
             if (const std::size_t n = accessor_count(accessor); n != draco_->vertex_count)

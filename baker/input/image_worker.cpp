@@ -3,6 +3,7 @@
 
 #include "baker/core/parallel.h"
 #include "baker/input/image_worker/protocol.h"
+#include "baker/input/worker_reply.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -197,12 +198,6 @@ Connection& connection() {
     return instance;
 }
 
-/// What the worker says in words.
-std::string text_of(const worker::Reply& reply) {
-    const auto end = std::find(reply.message.begin(), reply.message.end(), '\0');
-    return end == reply.message.begin() ? "damaged" : std::string(reply.message.begin(), end);
-}
-
 /// One request and its reply. A worker that has died between two requests is started again, once.
 Expected<worker::Reply> ask(worker::Request request, int input, int output, double seconds) {
     // What starting up, and a machine that is busy, may add to the time that the worker keeps
@@ -224,7 +219,7 @@ Expected<worker::Reply> ask(worker::Request request, int input, int output, doub
                 reply, std::chrono::milliseconds(request.milliseconds) + kGrace);
         }
         if (received == Worker::Received::Reply && reply.outcome == worker::Outcome::Unable) {
-            return failed(concat(kProgram, ": ", text_of(reply)));
+            return failed(concat(kProgram, ": ", complaint(reply, seconds)));
         }
         if (received == Worker::Received::Reply) return reply;
         shared.worker.stop();
@@ -235,22 +230,6 @@ Expected<worker::Reply> ask(worker::Request request, int input, int output, doub
         }
     }
     return failed(concat(kProgram, " ends at once: run it by hand to see which library it lacks"));
-}
-
-/// Why there is no image, for the brackets of a message; empty when there is one.
-std::string complaint(const worker::Reply& reply, const ImageLimits& limits) {
-    switch (reply.outcome) {
-        case worker::Outcome::Done:
-            return {};
-        case worker::Outcome::Refused:
-        case worker::Outcome::Unable:
-            return text_of(reply);
-        case worker::Outcome::TimedOut:
-            return concat("it takes more than ", limits.seconds, " s");
-        case worker::Outcome::Crashed:
-            break;
-    }
-    return "its decoder crashed";
 }
 
 Error not_an_image(const std::string& name, const std::string& why) {
@@ -270,28 +249,6 @@ bool write_all(int file, std::span<const std::byte> bytes) {
         bytes = bytes.subspan(static_cast<std::size_t>(n));
     }
     return true;
-}
-
-/// Maps what the worker has left in `file`. The reply is checked first: nothing it says is believed
-/// before it agrees with the size of the file, and the file can no longer shrink under the mapping.
-Expected<SharedPixels> map_pixels(const worker::Reply& reply, std::size_t bytes_per_texel,
-                                  const File& file, const std::string& name) {
-    const auto bad = [&] { return not_an_image(name, "its decoder answers nonsense"); };
-    if (reply.width < 1 || reply.height < 1 || reply.width > worker::kMaxEdge ||
-        reply.height > worker::kMaxEdge ||
-        std::int64_t{reply.width} * reply.height > worker::kMaxTexels) {
-        return bad();
-    }
-    const std::size_t size = static_cast<std::size_t>(reply.width) *
-                             static_cast<std::size_t>(reply.height) * bytes_per_texel;
-    struct stat info {};
-    if (fcntl(file.get(), F_ADD_SEALS, F_SEAL_SHRINK) != 0 || fstat(file.get(), &info) != 0 ||
-        info.st_size != static_cast<off_t>(size)) {
-        return bad();
-    }
-    void* const at = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, file.get(), 0);
-    if (at == MAP_FAILED) return failed(concat(name, ": no memory for ", size, " bytes of pixels"));
-    return SharedPixels(at, size);
 }
 
 Expected<File> open_input(const fs::path& file) {
@@ -329,7 +286,7 @@ Expected<void> encode(const worker::Request& request, const fs::path& target,
 
     const ImageLimits limits{.seconds = 600};
     const auto reply = ask(request, input.get(), output.get(), limits.seconds);
-    std::string why = reply ? complaint(*reply, limits) : std::string();
+    std::string why = reply ? complaint(*reply, limits.seconds) : std::string();
     if (reply && why.empty()) {
         if (fsync(output.get()) == 0 && rename(temporary.c_str(), target.c_str()) == 0) return {};
         why = system_message(errno);
@@ -385,11 +342,11 @@ Expected<FloatImage> decode_float_image(const fs::path& file, const ImageLimits&
     if (!output) return failed(concat(name, ": no memory for its pixels: ", system_message(errno)));
     ENVBAKE_TRY(const worker::Reply reply, ask({.task = worker::Task::DecodeFloat}, input.get(),
                                                output.get(), limits.seconds));
-    if (const std::string why = complaint(reply, limits); !why.empty()) {
+    if (const std::string why = complaint(reply, limits.seconds); !why.empty()) {
         return not_an_image(name, why);
     }
     FloatImage image;
-    ENVBAKE_TRY(image.pixels, map_pixels(reply, 3 * sizeof(float), output, name));
+    ENVBAKE_TRY(image.pixels, map_pixels(reply, 3 * sizeof(float), output.get(), name));
     image.width = reply.width;
     image.height = reply.height;
     switch (reply.projection) {
@@ -420,10 +377,10 @@ Expected<Image> decode_image(std::span<const std::byte> encoded, const std::stri
     }
     ENVBAKE_TRY(const worker::Reply reply, ask({.task = worker::Task::DecodeRgba8}, input.get(),
                                                output.get(), limits.seconds));
-    if (const std::string why = complaint(reply, limits); !why.empty()) {
+    if (const std::string why = complaint(reply, limits.seconds); !why.empty()) {
         return not_an_image(name, why);
     }
-    ENVBAKE_TRY(const SharedPixels pixels, map_pixels(reply, 4, output, name));
+    ENVBAKE_TRY(const SharedPixels pixels, map_pixels(reply, 4, output.get(), name));
     Image image;
     image.name = name;
     image.width = reply.width;
@@ -431,6 +388,21 @@ Expected<Image> decode_image(std::span<const std::byte> encoded, const std::stri
     const auto* const first = reinterpret_cast<const std::uint8_t*>(pixels.bytes().data());
     image.rgba.assign(first, first + pixels.bytes().size());
     return image;
+}
+
+Expected<SharedPixels> decode_draco_stream(std::span<const std::byte> stream) {
+    const std::string name = "the Draco stream";
+    const File input = memory_file();
+    const File output = memory_file();
+    if (!input || !output || !write_all(input.get(), stream))
+        return failed(concat(name, ": no memory for it: ", system_message(errno)));
+    // Decoders do some 10 MB a second.
+    const double seconds = 60 + 1e-6 * static_cast<double>(stream.size());
+    ENVBAKE_TRY(const worker::Reply reply,
+                ask({.task = worker::Task::DecodeDraco}, input.get(), output.get(), seconds));
+    if (const std::string why = complaint(reply, seconds); !why.empty())
+        return Error{Errc::InvalidInput, concat(name, " cannot be decoded (", why, ")")};
+    return map_output(output.get(), worker::most_draco_bytes(stream.size()), name);
 }
 
 Expected<void> write_png(const fs::path& file, int width, int height,

@@ -12,12 +12,12 @@
 #include <span>
 #include <string>
 
-/// Images in and out, by way of `envbake-image-worker`.
+/// Images in and out, and Draco meshes in, by way of `envbake-image-worker`.
 ///
-/// The libraries that know image formats are large to load and crash on some damaged files, so the
-/// baker never links them: a small program does, which is started at the first call and serves
-/// until the baker ends. It forks for every image. A decoder that crashes, hangs or asks for too
-/// much memory costs one error message.
+/// The libraries that know image formats are large to load and crash on some damaged files, and so
+/// does Draco: the baker never links them. A small program does, which is started at the first call
+/// and serves until the baker ends. It forks for every image. A decoder that crashes, hangs or asks
+/// for too much memory costs one error message.
 ///
 /// The program is looked for beside the running executable, then in ../libexec/envbake.
 /// Threads: every function may be called from any; images are worked on one after another.
@@ -94,6 +94,13 @@ Expected<FloatImage> decode_float_image(const std::filesystem::path& file,
 /// Errors:  as decode_float_image
 Expected<Image> decode_image(std::span<const std::byte> encoded, const std::string& name,
                              const ImageLimits& limits = {});
+
+/// Decodes a Draco stream to what image_worker/protocol.h says of DecodeDraco: bytes that are still
+/// to be distrusted.
+///
+/// Errors:  InvalidInput  not readable: "the Draco stream cannot be decoded (REASON)"
+///          Failed        the worker cannot be started
+Expected<SharedPixels> decode_draco_stream(std::span<const std::byte> stream);
 
 /// Writes an 8-bit RGB PNG; `rgb` holds 3 * width * height bytes, rows from the top, already
 /// encoded as they are to be shown (sRGB). The file appears under its name when it is whole.

@@ -130,24 +130,26 @@ Expected<BakeOutcome> merge_shards(const std::vector<std::filesystem::path>& pat
     const Json& shared = parts.shared;
     try {
         if (shared.at("tool").at("version") != tool_version())
-            return Error{Errc::InvalidBundle,
-                         concat(name, ": was made by envbake ",
-                                shared.at("tool").at("version").get<std::string>(), ", this is ",
-                                tool_version(), "; merge with the envbake that baked")};
+            return Error{
+                Errc::InvalidBundle,
+                concat(name, ": was made by envbake ",
+                       printable(shared.at("tool").at("version").get<std::string>()), ", this is ",
+                       tool_version(), "; merge with the envbake that baked")};
         SharedState state = read_shared(shared);
         state.request.output = output;
-        ENVBAKE_TRY(const BakePlan plan, make_plan(state.request, state.inputs.facts));
-        if (bounces_light(plan)) {
+        const auto plan = plan_of_shards(shared, state);
+        if (!plan) return Error{plan.error().code, concat(name, ": ", plan.error().message)};
+        if (bounces_light(*plan)) {
             ENVBAKE_TRY(state.inputs.scene, read_same_scene(scene, state));
         }
         MergedStages stages(parts.files, state.inputs, state.request.isa, progress);
-        return write_bundle(state.request, state.inputs, shared, plan, stages, Older::Forget,
+        return write_bundle(state.request, state.inputs, shared, *plan, stages, Older::Forget,
                             progress);
     } catch (const Json::exception& e) {
         return Error{Errc::InvalidBundle, concat(name,
                                                  ": its metadata is not that of a shard of "
                                                  "this version: ",
-                                                 e.what())};
+                                                 printable(e.what()))};
     }
 }
 

@@ -7,7 +7,9 @@
 #include "envbake/runtime/lobe.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 namespace envbake {
@@ -17,6 +19,13 @@ namespace {
 Error damaged(const std::filesystem::path& path, const std::string& name) {
     return {Errc::InvalidBundle,
             concat(path.string(), ": array ", name, " is damaged or lacks; bake this shard again")};
+}
+
+template <class T>
+bool all_finite(std::span<const T> values) {
+    if constexpr (std::is_floating_point_v<T>)
+        return std::all_of(values.begin(), values.end(), [](T v) { return std::isfinite(v); });
+    return true;
 }
 
 /// Decodes an array of so many elements, its checksum compared.
@@ -29,24 +38,27 @@ Expected<std::vector<T>> read(const ShardFile& shard, const std::string& name,
         !reader.verify(*info) || !reader.size_is_plausible(*info))
         return damaged(shard.path, name);
     std::vector<T> values(static_cast<std::size_t>(count));
-    if (!reader.read(*info, std::as_writable_bytes(std::span(values))))
+    if (!reader.read(*info, std::as_writable_bytes(std::span(values))) || !all_finite<T>(values))
         return damaged(shard.path, name);
     return values;
 }
 
 /// Hands an array of some rows on where it lies.
+///   most  rows
 template <class T>
 Expected<std::uint64_t> pass_on(const ShardFile& shard, const std::string& name,
-                                std::uint64_t row_size, const Sink<T>& sink) {
+                                std::uint64_t row_size, std::uint64_t most, const Sink<T>& sink) {
     using Element = std::conditional_t<std::is_same_v<T, std::byte>, std::uint8_t, T>;
     ENVBAKE_TRY(const format::Reader reader, open_bundle(shard.path));
     const auto info = reader.find(name);
     if (!info || info->type != format::kElementTypeOf<Element> ||
         info->codec != format::Codec::None || info->element_count() % row_size != 0 ||
-        !reader.verify(*info))
+        info->element_count() / row_size > most || !reader.verify(*info))
         return damaged(shard.path, name);
     const std::span<const std::byte> bytes = reader.stored_bytes(*info);
-    ENVBAKE_TRY_VOID(sink({reinterpret_cast<const T*>(bytes.data()), bytes.size() / sizeof(T)}));
+    const std::span rows(reinterpret_cast<const T*>(bytes.data()), bytes.size() / sizeof(T));
+    if (!all_finite(rows)) return damaged(shard.path, name);
+    ENVBAKE_TRY_VOID(sink(rows));
     return info->element_count() / row_size;
 }
 
@@ -70,9 +82,8 @@ Expected<std::vector<MergedStages::Part>> MergedStages::parts(const std::string&
     for (const ShardFile& shard : shards_) {
         if (!shard.results.contains(output)) continue;
         const Json& json = shard.results.at(output);
-        parts.push_back({&shard, json.at("begin").get<std::uint64_t>(),
-                         json.at("end").get<std::uint64_t>(),
-                         json.at("pieces").get<std::uint64_t>(), json});
+        parts.push_back({&shard, read_count(json.at("begin")), read_count(json.at("end")),
+                         read_count(json.at("pieces")), json});
         if (parts.back().begin != next || parts.back().end <= next)
             return unexpected(shard, output);
         next = parts.back().end;
@@ -148,9 +159,9 @@ Expected<DiffuseReport> MergedStages::rows(const std::string& output, const Diff
         }
         std::uint64_t vertices = 0;
         for (std::uint64_t piece = 0; piece < part.pieces; ++piece) {
-            ENVBAKE_TRY(
-                const std::uint64_t some,
-                pass_on(*part.shard, concat(shard_name(output), "/", piece), bands * bands, sink));
+            ENVBAKE_TRY(const std::uint64_t some,
+                        pass_on(*part.shard, concat(shard_name(output), "/", piece), bands * bands,
+                                part.end - part.begin - vertices, sink));
             vertices += some;
             progress_.add(some);
         }
@@ -177,8 +188,11 @@ Expected<void> MergedStages::read_blocked(const std::string& output, const Diffu
     const Json& first = parts.front().result;
     DiffuseReport report;
     read_report(first.at("report"), report);
-    const auto packets = first.at("packets").get<std::uint64_t>();
+    const auto packets = read_count(first.at("packets"));
     if (packets == 0) return {};
+    if (packets * 16 != static_cast<std::uint64_t>(report.rays_per_vertex) ||
+        report.rays_per_vertex > kMaxRays)
+        return unexpected(*parts.front().shard, output);
     BlockedRays& blocked = blocked_[mesh];
     blocked.seed = job.seed;
     blocked.set = make_ray_set(report.rays_per_vertex, job.bands, first.at("pilot") == true);
@@ -215,6 +229,8 @@ Expected<WaveletReport> MergedStages::wavelet(const std::string& output, const W
         const std::uint64_t blocks = (part.end - part.begin + kWaveletBlock - 1) / kWaveletBlock;
         ENVBAKE_TRY(const std::vector<std::uint32_t> ends,
                     read<std::uint32_t>(*part.shard, shard_name(output) + "/offsets", blocks + 1));
+        if (ends.front() != 0 || !std::is_sorted(ends.begin(), ends.end()))
+            return unexpected(*part.shard, output);
         const std::uint64_t before = offsets.back();
         if (before + ends.back() > std::numeric_limits<std::uint32_t>::max())
             return wavelets_too_large(mesh);
@@ -228,7 +244,8 @@ Expected<WaveletReport> MergedStages::wavelet(const std::string& output, const W
         std::uint64_t bytes = 0;
         for (std::uint64_t piece = 0; piece < part.pieces; ++piece) {
             ENVBAKE_TRY(const std::uint64_t some,
-                        pass_on(*part.shard, concat(shard_name(output), "/", piece), 1, sink));
+                        pass_on(*part.shard, concat(shard_name(output), "/", piece), 1,
+                                4 * std::uint64_t{ends.back()} - bytes, sink));
             bytes += some;
         }
         if (bytes != 4 * std::uint64_t{ends.back()}) return unexpected(*part.shard, output);
@@ -246,7 +263,7 @@ Expected<WaveletLight> MergedStages::wavelet_light(const std::string& output, co
                 read<float>(*shard, shard_name(output) + "/coeffs", 3 * count));
     for (std::size_t i = 0; i < coeffs.size(); i += 3)
         light.coeffs.push_back({coeffs[i], coeffs[i + 1], coeffs[i + 2]});
-    const auto sample = shard->results.at(output).at("sample").get<std::uint64_t>();
+    const auto sample = read_count(shard->results.at(output).at("sample"));
     for (std::uint64_t i = 0; i < sample; ++i) {
         const std::string name = concat(shard_name(output), "/", i);
         ENVBAKE_TRY(const std::vector<std::uint32_t> which,

@@ -54,6 +54,16 @@ struct SharedState {
 };
 SharedState read_shared(const Json& shared);
 
+/// The plan of the bake whose state that is. `shared` may be forged: everything that the rest of a
+/// merge counts or indexes by is held against everything else.
+///
+/// Errors:  InvalidBundle    it contradicts itself
+///          Json::exception  it lacks something
+Expected<BakePlan> plan_of_shards(const Json& shared, const SharedState& state);
+
+/// A number that counts something. Throws Json::exception where it does not.
+std::uint64_t read_count(const Json& json);
+
 Json report_json(const DiffuseReport& report);
 Json report_json(const WaveletReport& report);
 Json report_json(const BrdfTable& table);  ///< all but the numbers

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/pipeline/shard.h"
 
+#include <limits>
+
 namespace envbake {
 
 // Numbers come back as they were: JSON holds doubles by their shortest exact text.
@@ -36,9 +38,51 @@ template <class T>
 Json to(const T& value) {
     return Json(nlohmann::json(value));
 }
+/// Throws where `json` lacks a value that `like` has, or has one of another kind: the library
+/// itself makes 2^64 - 1 of -1, and any integer of 1e300.
+void require_kinds(const Json& like, const Json& json) {
+    bool same = like.type() == json.type();
+    if (like.is_number_unsigned()) {
+        same = json.is_number_unsigned();
+    } else if (like.is_number_integer()) {  // an int, or an enumeration
+        constexpr auto kMost = std::numeric_limits<int>::max();
+        same = json.is_number_unsigned()
+                   ? json.get<std::uint64_t>() <= std::uint64_t{kMost}
+                   : json.is_number_integer() && json.get<std::int64_t>() >= -std::int64_t{kMost};
+    } else if (like.is_number()) {
+        same = json.is_number();
+    }
+    if (!same)
+        throw Json::type_error::create(
+            302, concat("type must be ", like.type_name(), ", but is ", json.type_name()), &json);
+    if (like.is_object())
+        for (const auto& [key, value] : like.items()) require_kinds(value, json.at(key));
+    if (like.is_array() && !like.empty())
+        for (const Json& element : json) require_kinds(like.front(), element);
+}
+
+/// A value whose lists are not empty, unless nothing else than what they hold can be read from
+/// JSON.
+template <class T>
+T example() {
+    return {};
+}
+template <>
+DiffuseReport example() {
+    DiffuseReport report;
+    report.crossings = {0};
+    return report;
+}
+
 template <class T>
 void from(const Json& json, T& value) {
+    require_kinds(to(example<T>()), json);
     nlohmann::json(json).get_to(value);
+}
+template <class T>
+void from(const Json& json, std::vector<T>& values) {
+    require_kinds(Json::array(), json);
+    for (const Json& element : json) from(element, values.emplace_back());
 }
 
 Json to_list(const DVec3& v) {
@@ -61,6 +105,8 @@ Json lighting_json(const BakeInputs& inputs) {
 }
 
 void read_lighting(const Json& json, BakeInputs& inputs) {
+    require_kinds(Json::array(), json.at("lights"));
+    require_kinds(Json::array(), json.at("sh"));
     for (const Json& of : json.at("lights")) {
         DominantLight light;
         light.direction = to_vector(of.at("direction"));
@@ -71,7 +117,7 @@ void read_lighting(const Json& json, BakeInputs& inputs) {
         inputs.lights.lights.push_back(light);
     }
     ShLighting& sh = inputs.sh.emplace();
-    json.at("bands").get_to(sh.bands);
+    from(json.at("bands"), sh.bands);
     for (const Json& coeff : json.at("sh")) sh.coeffs.push_back(to_vector(coeff));
 }
 
@@ -112,6 +158,12 @@ SharedState read_shared(const Json& shared) {
         read_lighting(shared.at("lighting"), state.inputs);
     }
     return state;
+}
+
+std::uint64_t read_count(const Json& json) {
+    std::uint64_t count = 0;
+    from(json, count);
+    return count;
 }
 
 Json report_json(const DiffuseReport& report) {

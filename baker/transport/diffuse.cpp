@@ -25,7 +25,6 @@ using std::numbers::pi;
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kMaxRays = 1 << 18;
 constexpr std::size_t kBlock = 64;          ///< vertices of one call of a parallel loop
 constexpr std::size_t kHandOver = 1 << 15;  ///< vertices whose rows are in memory together, at most
 constexpr std::size_t kKeptOverhead = 64;   ///< bytes of a kept row beside its floats

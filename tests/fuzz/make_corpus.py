@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes the seeds that the fuzzers of images, environments and scenes start from.
 
-    make_corpus.py FOLDER      makes FOLDER/image, FOLDER/environment and FOLDER/scene
+    make_corpus.py FOLDER      makes FOLDER/image, FOLDER/environment and FOLDER/scene, the last of what
+                               make_meshes has left in FOLDER/compression, too
 """
 import base64
 import json
@@ -103,20 +104,57 @@ for name, data in images.items():
     write("environment", name, data)
 
 
-# glTF
-def png(width, height):
+# PNG of every kind of pixel, JPEG of one grey block and of three.
+def png(width, height, colour=6, bits=8, interlaced=0, palette=b"", transparent=b""):
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-    rows = b"".join(b"\0" + bytes((60 * x + y) % 256 for x in range(4 * width)) for y in range(height))
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0))
-            + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+    channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[colour]
+
+    def rows(columns, lines):
+        size = (columns * channels * bits + 7) // 8
+        return b"".join(bytes([y % 5]) + bytes((60 * x + y) % 4 for x in range(size)) for y in range(lines))
+
+    passes = [(0, 8, 0, 8), (4, 8, 0, 8), (0, 4, 4, 8), (2, 4, 0, 4), (0, 2, 2, 4), (1, 2, 0, 2), (0, 1, 1, 2)]
+    pixels = rows(width, height) if not interlaced else b"".join(
+        rows((width - x + dx - 1) // dx, (height - y + dy - 1) // dy) for x, dx, y, dy in passes if x < width)
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, interlaced))
+            + (chunk(b"PLTE", palette) if palette else b"") + (chunk(b"tRNS", transparent) if transparent else b"")
+            + chunk(b"IDAT", zlib.compress(pixels)) + chunk(b"IEND", b""))
 
 
+def jpeg(components, progressive=False):
+    def segment(marker, data):
+        return bytes([0xFF, marker]) + struct.pack(">H", len(data) + 2) + data
+
+    ids = range(1, components + 1)
+    one_code = [1] + [0] * 15  # the code 0
+    scan = bytes([components]) + b"".join(bytes([i, 0]) for i in ids) + bytes([0, 0 if progressive else 63, 0])
+    return (b"\xff\xd8" + segment(0xDB, b"\0" + b"\x10" * 64)
+            + segment(0xC2 if progressive else 0xC0,
+                      struct.pack(">BHHB", 8, 8, 8, components) + b"".join(bytes([i, 0x11, 0]) for i in ids))
+            + segment(0xC4, bytes([0x00, *one_code, 6])) + segment(0xC4, bytes([0x10, *one_code, 0]))
+            + segment(0xDA, scan) + b"\x3e" * components + b"\xff\xd9")
+
+
+textures = {
+    "rgba.png": png(3, 2), "rgb.png": png(3, 2, 2), "grey_alpha.png": png(3, 2, 4), "grey16.png": png(3, 2, 0, 16),
+    "bits.png": png(9, 3, 0, 1), "transparent.png": png(3, 2, 2, transparent=b"\0\1\0\2\0\3"),
+    "palette.png": png(5, 2, 3, 2, palette=bytes(range(12)), transparent=b"\0\x80"),
+    "interlaced.png": png(9, 9, 6, 8, 1), "grey.jpg": jpeg(1), "colour.jpg": jpeg(3),
+    "progressive.jpg": jpeg(1, progressive=True),
+}
+for name, data in textures.items():
+    write("image", name, data)
+
+
+# glTF
 class Scene:
     """One buffer and what lies in it."""
 
     def __init__(self):
         self.data = b""
+        self.fallbacks = []  # buffers without data, of what is compressed
         self.gltf = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
                      "meshes": [{"primitives": []}], "accessors": [], "bufferViews": []}
 
@@ -142,7 +180,7 @@ class Scene:
         self.gltf["meshes"][0]["primitives"].append(primitive)
 
     def glb(self):
-        self.gltf["buffers"] = [{"byteLength": len(self.data)}]
+        self.gltf["buffers"] = [{"byteLength": len(self.data)}, *self.fallbacks]
         text = json.dumps(self.gltf).encode()
         text += b" " * (-len(text) % 4)
         data = self.data + b"\0" * (-len(self.data) % 4)
@@ -212,3 +250,54 @@ sparse.gltf["accessors"][quantised]["type"] = "VEC3"
 sparse.gltf["extensionsUsed"] = sparse.gltf["extensionsRequired"] = ["KHR_mesh_quantization"]
 sparse.primitive({"POSITION": p})
 write("scene", "sparse.glb", sparse.glb())
+
+
+# Meshes that are compressed: positions, normals, places in the texture and joints, as make_meshes has them.
+def glb_of(draco):
+    stream = draco.read_bytes()
+    vertices, _, indices = struct.unpack("<IIQ", draco.with_suffix(".worker").read_bytes()[1:17])
+    scene = Scene()
+
+    def accessor(component, kind, count):
+        scene.gltf["accessors"].append({"componentType": component, "type": kind, "count": count})
+        return len(scene.gltf["accessors"]) - 1
+
+    attributes = {"POSITION": accessor(5126, "VEC3", vertices), "NORMAL": accessor(5126, "VEC3", vertices),
+                  "TEXCOORD_0": accessor(5126, "VEC2", vertices), "JOINTS_0": accessor(5121, "VEC4", vertices)}
+    weights = scene.accessor("f", 5126, "VEC4", [1, 0, 0, 0] * vertices)
+    scene.primitive({**attributes, "WEIGHTS_0": weights}, accessor(5125, "SCALAR", indices),
+                    extensions={"KHR_draco_mesh_compression": {
+                        "bufferView": scene.view(stream), "attributes": {name: i for i, name in enumerate(attributes)}}})
+    scene.gltf["extensionsUsed"] = scene.gltf["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    return scene.glb()
+
+
+for file in sorted((folder / "compression").glob("*.draco")):
+    write("scene", file.stem + "_draco.glb", glb_of(file))
+
+
+def meshopt_view(scene, name):
+    data = (folder / "compression" / name).read_bytes()
+    mode, filter_, stride, low, high = data[:5]
+    count = low + 256 * high
+    view = scene.view(data[5:])
+    compressed = scene.gltf["bufferViews"][view]
+    scene.gltf["bufferViews"][view] = {"buffer": 1, "byteLength": count * stride, "extensions": {"EXT_meshopt_compression": {
+        **compressed, "byteStride": stride, "count": count, "mode": ["ATTRIBUTES", "TRIANGLES", "INDICES"][mode],
+        "filter": ["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"][filter_]}}}
+    return view, count
+
+
+for positions, indices, component in (("positions", "triangles1", 5123), ("exponential", "indices1", 5125)):
+    packed = Scene()
+    accessors = []
+    for name, form in ((positions, (5126, "VEC3")), ("octahedral", (5120, "VEC4")), (indices, (component, "SCALAR"))):
+        view, count = meshopt_view(packed, name + ".meshopt")
+        packed.gltf["accessors"].append({"bufferView": view, "componentType": form[0], "type": form[1], "count": count})
+        accessors.append(len(packed.gltf["accessors"]) - 1)
+    packed.gltf["accessors"][accessors[1]].update(type="VEC3", normalized=True)
+    packed.gltf["bufferViews"][1]["byteStride"] = 4
+    packed.primitive({"POSITION": accessors[0], "NORMAL": accessors[1]}, accessors[2])
+    packed.gltf["extensionsUsed"] = packed.gltf["extensionsRequired"] = ["EXT_meshopt_compression", "KHR_mesh_quantization"]
+    packed.fallbacks = [{"byteLength": 1 << 16, "extensions": {"EXT_meshopt_compression": {"fallback": True}}}]
+    write("scene", positions + "_meshopt.glb", packed.glb())

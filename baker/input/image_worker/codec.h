@@ -50,6 +50,10 @@ void decode_exr(Bytes file, int threads, Reply& reply, const AllocatePixels& all
 void decode_radiance(Bytes file, int threads, Reply& reply, const AllocatePixels& allocate);
 std::vector<unsigned char> encode_exr(int width, int height, Bytes rgb);
 
+using WriteBytes = std::function<void(Bytes)>;
+/// Writes a Draco mesh as protocol.h says.
+void decode_draco(Bytes file, const WriteBytes& write);
+
 /// What needs OpenImageIO. It takes 0.3 s and 100 MB to load, against nothing for OpenEXR, so it
 /// sits in a module that the worker loads when it first needs it, under this name:
 struct OiioCodecs {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// envbake-image-worker: decodes and encodes images where a crash harms nobody (protocol.h).
+// envbake-image-worker: decodes and encodes images, and decodes Draco meshes, where a crash harms
+// nobody (protocol.h).
 
 #include "baker/input/image_worker/codec.h"
 #include "baker/input/image_worker/protocol.h"
@@ -96,7 +97,7 @@ std::byte* map_output(int file, std::size_t size) {
     return static_cast<std::byte*>(at);
 }
 
-void write_all(int file, const std::vector<unsigned char>& bytes) {
+void write_all(int file, Bytes bytes) {
     for (std::size_t done = 0; done < bytes.size();) {
         const ssize_t n = write(file, bytes.data() + done, bytes.size() - done);
         if (n < 0 && errno == EINTR) continue;
@@ -144,6 +145,9 @@ void run(const Request& request, int input, int output, Reply& reply) {
             throw Refusal("its pixels do not fill it");
         }
     };
+    const auto write_encoded = [&](const std::vector<unsigned char>& bytes) {
+        write_all(output, std::as_bytes(std::span(bytes)));
+    };
     switch (request.task) {
         case Task::DecodeFloat:
             if (file.empty()) throw Refusal("it is empty");
@@ -154,16 +158,19 @@ void run(const Request& request, int input, int output, Reply& reply) {
         case Task::DecodeRgba8:
             if (file.empty()) throw Refusal("it is empty");
             return oiio->decode_rgba8(file, reply, allocate);
+        case Task::DecodeDraco:
+            limit_memory(most_draco_bytes(file.size()));
+            return decode_draco(file, [&](Bytes bytes) { write_all(output, bytes); });
         case Task::EncodePng:
             check_pixels(3);
-            return write_all(output, oiio->encode_png(request.width, request.height, file));
+            return write_encoded(oiio->encode_png(request.width, request.height, file));
         case Task::EncodeGif:
             check_pixels(3);
-            return write_all(output, oiio->encode_gif(request.width, request.height, request.frames,
-                                                      request.frames_per_second, file));
+            return write_encoded(oiio->encode_gif(request.width, request.height, request.frames,
+                                                  request.frames_per_second, file));
         case Task::EncodeExr:
             check_pixels(3 * sizeof(float));
-            return write_all(output, encode_exr(request.width, request.height, file));
+            return write_encoded(encode_exr(request.width, request.height, file));
     }
     throw Refusal("an unknown task");
 }
@@ -192,7 +199,7 @@ void set_message(Reply& reply, std::string text) {
         run(request, input, output, reply);
         reply.outcome = Outcome::Done;
     } catch (const std::bad_alloc&) {
-        set_message(reply, "it takes more memory than an image of its size may");
+        set_message(reply, "it takes more memory than a file like it may");
         reply.outcome = Outcome::Refused;
     } catch (const std::exception& e) {
         set_message(reply, e.what());
@@ -220,6 +227,7 @@ void serve(const Request& request, int input, int output, Reply& reply) {
     int status = 0;
     while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
     }
+    reply.magic = kMagic;  // whatever the child has done to it
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
     const bool late = WIFSIGNALED(status) && WTERMSIG(status) == SIGALRM;
     reply = Reply{};
