@@ -8,8 +8,11 @@
 
 #include "envbake/format/reader.h"
 
+#include <algorithm>
 #include <memory>
 #include <ostream>
+#include <utility>
+#include <vector>
 
 namespace envbake {
 
@@ -23,17 +26,22 @@ struct PlanOptions {
 Expected<void> print_new_plan(const PlanOptions& options, std::ostream& out) {
     ENVBAKE_TRY(const BakeInputs inputs, load_inputs(options.request));
     ENVBAKE_TRY(const BakePlan plan, make_plan(options.request, inputs.facts));
+    Json stages = plan_json(plan);
+    const std::vector<bool> kept = stages_to_keep(options.request, inputs, plan);
+    for (std::size_t i = 0; i < kept.size(); ++i)
+        if (kept[i]) stages[i]["decision"] = "keep";
     if (options.json) {
         const Json json = {{"up_to_date", false},
-                           {"stages", plan_json(plan)},
+                           {"stages", std::move(stages)},
                            {"expected_rays", plan.ray_count},
                            {"expected_bytes", plan.output_bytes}};
         out << to_text(json, 2) << '\n';
         return {};
     }
-    print_stages(plan_json(plan), out);
-    out << "\ncost   " << format_count(plan.ray_count) << " rays, "
-        << format_bytes(plan.output_bytes) << " of arrays before compression\n";
+    print_stages(stages, out);
+    const bool some_kept = std::count(kept.begin(), kept.end(), true) > 0;
+    out << (some_kept ? "\ncost, kept or not   " : "\ncost   ") << format_count(plan.ray_count)
+        << " rays, " << format_bytes(plan.output_bytes) << " of arrays before compression\n";
     return {};
 }
 
@@ -63,7 +71,8 @@ RunCommand declare_plan(CLI::App& app) {
     const auto options = std::make_shared<PlanOptions>();
     declare_request(app, options->request);
     app.add_option("-o,--output", options->request.output,
-                   "Bundle that would be written; if it is up to date, its own plan is printed");
+                   "Bundle that would be written: what of it would be kept is said; if it is up to "
+                   "date, its own plan is printed");
     app.add_flag("--json", options->json, "Machine-readable output");
     return [options](std::ostream& out, std::ostream& err) {
         const bool stored =

@@ -63,6 +63,11 @@ struct BakeOutcome {
 Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inputs,
                                const BakePlan& plan, Older older, Progress& progress);
 
+/// Of each stage, whether run_plan() with Older::Keep would take it from the bundle at
+/// request.output.
+std::vector<bool> stages_to_keep(const BakeRequest& request, const BakeInputs& inputs,
+                                 const BakePlan& plan);
+
 /// Runs request.shard's part of the plan and writes what it gives, for merge_shards().
 ///
 /// Errors:  Failed  as run_plan()

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <set>
 #include <utility>
 
 namespace envbake {
@@ -64,6 +65,19 @@ std::optional<std::vector<std::string>> OlderBundle::arrays_of(const std::string
     return names;
 } catch (const Json::exception&) {
     return {};  // another tool's
+}
+
+std::vector<std::optional<std::vector<std::string>>> OlderBundle::arrays_to_keep(
+    const BakePlan& plan, std::span<const std::string> keys) const {
+    std::vector<std::optional<std::vector<std::string>>> arrays(plan.stages.size());
+    std::set<std::string> stale{""};
+    for (std::size_t i = 0; i < arrays.size(); ++i) {
+        if (!keys[i].empty()) arrays[i] = arrays_of(plan.stages[i].output, keys[i]);
+        if (!arrays[i]) stale.insert(keys[i]);
+    }
+    for (std::size_t i = 0; i < arrays.size(); ++i)
+        if (stale.contains(keys[i])) arrays[i].reset();
+    return arrays;
 }
 
 Expected<OlderBundle::Elements> OlderBundle::elements(const std::string& name) const {

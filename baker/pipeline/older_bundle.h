@@ -2,6 +2,7 @@
 #pragma once
 
 #include "baker/pipeline/metadata.h"
+#include "baker/plan/plan.h"
 #include "baker/transport/cluster_rows.h"
 #include "baker/transport/row_encoding.h"
 
@@ -32,10 +33,12 @@ class OlderBundle {
     const format::Reader& reader() const { return reader_; }
     const Json& metadata() const { return metadata_; }
 
-    /// The arrays that the stage of this output and key left there, in their order; nothing where
-    /// there is no such stage, or one of them is missing or damaged.
-    std::optional<std::vector<std::string>> arrays_of(const std::string& output,
-                                                      const std::string& key) const;
+    /// Of each stage of a plan the arrays that it need not bake again, in their order; nothing
+    /// where it must: it is not there with this key, or an array of a stage with the same key is
+    /// missing or damaged. Stages of one key are kept together or not at all.
+    ///   keys  stage_keys()
+    std::vector<std::optional<std::vector<std::string>>> arrays_to_keep(
+        const BakePlan& plan, std::span<const std::string> keys) const;
 
     /// Elements in the file or, where they are compressed, in memory.
     struct Elements {
@@ -52,6 +55,8 @@ class OlderBundle {
 
   private:
     OlderBundle(format::Reader reader, Json metadata);
+    std::optional<std::vector<std::string>> arrays_of(const std::string& output,
+                                                      const std::string& key) const;
 
     format::Reader reader_;
     Json metadata_;

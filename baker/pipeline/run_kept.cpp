@@ -1,30 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/core/text.h"
 #include "baker/pipeline/run.h"
+#include "baker/pipeline/stage_key.h"
 
 #include "envbake/runtime/lobe.h"
 
 #include <algorithm>
 #include <map>
-#include <set>
 #include <utility>
 
 namespace envbake {
 
+std::vector<bool> stages_to_keep(const BakeRequest& request, const BakeInputs& inputs,
+                                 const BakePlan& plan) {
+    std::vector<bool> kept(plan.stages.size(), false);
+    if (const auto older = OlderBundle::open(request.output)) {
+        const auto arrays = older->arrays_to_keep(plan, stage_keys(request, inputs, plan));
+        for (std::size_t i = 0; i < kept.size(); ++i) kept[i] = arrays[i].has_value();
+    }
+    return kept;
+}
+
 Expected<void> Run::take_over(const OlderBundle& older) try {
     older_ = &older;
-    for (std::size_t i = 0; i < plan_.stages.size(); ++i) {
-        if (report_.stages[i].key.empty()) continue;
-        auto arrays = older.arrays_of(plan_.stages[i].output, report_.stages[i].key);
-        kept_[i] = arrays.has_value();
-        if (arrays) report_.stages[i].arrays = std::move(*arrays);
+    std::vector<std::string> keys;
+    for (const BakeReport::Stage& stage : report_.stages) keys.push_back(stage.key);
+    auto arrays = older.arrays_to_keep(plan_, keys);
+    for (std::size_t i = 0; i < kept_.size(); ++i) {
+        kept_[i] = arrays[i].has_value();
+        if (arrays[i]) report_.stages[i].arrays = std::move(*arrays[i]);
     }
-    // Stages of one key are kept together or not at all.
-    std::set<std::string> stale;
-    for (std::size_t i = 0; i < kept_.size(); ++i)
-        if (!kept_[i]) stale.insert(report_.stages[i].key);
-    for (std::size_t i = 0; i < kept_.size(); ++i)
-        kept_[i] = !stale.contains(report_.stages[i].key);
     const auto errors = older.metadata().at("arrays").get<std::map<std::string, Json>>();
     for (std::size_t i = 0; i < kept_.size(); ++i) {
         const PlannedStage& stage = plan_.stages[i];

@@ -6,6 +6,7 @@
 #include "tests/support/small_scene.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -98,6 +99,27 @@ TEST_F(Rebuild, AnotherEnvironmentTracesNoRay) {
     EXPECT_FALSE(result.traced);
     EXPECT_EQ(result.kept, (Names{"brdf/ggx", "mesh/0/diffuse"}));
     EXPECT_EQ(result.baked, (kOfFacts + Names{"environment/mips"}));
+}
+
+TEST_F(Rebuild, ThePlanSaysWhatIsKept) {
+    const fs::path output = folder_ / "x.envb";
+    bake_to(output, Arguments{scene_, "--env", sky_} + small_);
+    const auto kept = [&](const Arguments& arguments) {
+        const Outcome plan =
+            envbake(Arguments{"plan"} + arguments + Arguments{"-o", output.string(), "--json"});
+        EXPECT_EQ(plan.status, 0) << plan.err;
+        Names names;
+        const auto json = nlohmann::json::parse(plan.out);
+        for (const auto& stage : json["stages"])
+            if (stage["decision"] == "keep") names.insert(stage["output"]);
+        return names;
+    };
+    const Arguments changed = Arguments{scene_, "--env", other_sky_} + small_;
+    const Names names = kept(changed);
+    EXPECT_EQ(names, (Names{"brdf/ggx", "mesh/0/diffuse"}));
+    EXPECT_EQ(bake_to(output, changed).kept, names);
+    EXPECT_TRUE(kept(changed + Arguments{"--rays", "40"}) ==
+                (Names{"brdf/ggx", "environment/mips"}));
 }
 
 TEST_F(Rebuild, AnotherSceneKeepsTheLighting) {
