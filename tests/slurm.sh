@@ -89,7 +89,7 @@ else
     "$build/bin/envbake-sample" "$work" >/dev/null
     scene=$work/scene.glb sky=$work/sky.hdr
 fi
-arguments=("$scene" --env "$sky" --rays 4096 --glossy all --encoding auto)
+arguments=("$scene" --env "$sky" --rays 4096 --glossy all --bounces all --encoding auto)
 "$ENVBAKE" bake "${arguments[@]}" -o whole.envb --quiet
 
 wait_for() {  # JOB: until no job is left, then whether this one made its bundle

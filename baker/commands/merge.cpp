@@ -20,7 +20,7 @@ namespace {
 
 struct MergeOptions {
     std::vector<std::filesystem::path> shards;
-    std::filesystem::path output;
+    std::filesystem::path scene, output;
     int threads = 0;
     bool quiet = false;
 };
@@ -32,7 +32,9 @@ Expected<void> merge(const MergeOptions& options, std::ostream& err) {
     std::optional<ProgressPrinter> printer;
     if (!options.quiet) printer.emplace(progress, err, ProgressStyle::Text);
     ENVBAKE_TRY_VOID(check_output(options.output, options.shards));
-    ENVBAKE_TRY(const BakeOutcome outcome, merge_shards(options.shards, options.output, progress));
+    ENVBAKE_TRY_VOID(check_output(options.output, {options.scene}));
+    ENVBAKE_TRY(const BakeOutcome outcome,
+                merge_shards(options.shards, options.scene, options.output, progress));
     printer.reset();
     if (!options.quiet) print_shortfalls(options.output, outcome, err);
     return {};
@@ -45,6 +47,8 @@ RunCommand declare_merge(CLI::App& app) {
     app.add_option("shards", options->shards,
                    "All the parts that `envbake bake --shard I/N` wrote, in any order")
         ->required();
+    app.add_option("--scene", options->scene,
+                   "Scene that the parts were baked from; needed where light bounces");
     app.add_option("-o,--output", options->output, "Bundle to write (.envb)")->required();
     app.add_option("--threads", options->threads, "Threads; 0 uses every core")
         ->capture_default_str()

@@ -62,7 +62,12 @@ struct ProgressPrinter::State {
         if (json) {
             err << "{\"stage\":\"" << what << "\",\"done\":" << done << ",\"total\":" << total
                 << ",\"unit\":\"" << progress.unit() << "\",\"rays\":" << progress.rays()
-                << ",\"seconds\":" << seconds << ",\"seconds_left\":";
+                << ",\"error\":";
+            if (const auto error = progress.error())
+                err << *error;
+            else
+                err << "null";
+            err << ",\"seconds\":" << seconds << ",\"seconds_left\":";
             if (rate > 0)
                 err << static_cast<double>(total - std::min(done, total)) / rate;
             else
@@ -75,9 +80,11 @@ struct ProgressPrinter::State {
             rate > 0 ? time_left(static_cast<double>(total - done) / rate) : "";
         const std::string rays =
             progress.rays() > 0 ? concat(", ", format_count(progress.rays()), " rays") : "";
+        const auto now = progress.error();
+        const std::string error = now ? concat(", error ", format_number(*now)) : "";
         const std::string line =
             concat(what, ": ", static_cast<int>(100 * fraction), " %, ", format_count(done), " of ",
-                   format_count(total), " ", progress.unit(), rays, left);
+                   format_count(total), " ", progress.unit(), rays, error, left);
         if (terminal) {
             constexpr int kBarSize = 24;
             std::string bar(static_cast<std::size_t>(fraction * kBarSize), '#');

@@ -18,20 +18,6 @@ namespace {
 /// Rounding of the sums and of the result to float, relative.
 constexpr double kRounding = 2e-6;
 
-/// Without texels yet.
-Mip empty_mip(const MipsJob& job, std::size_t i) {
-    const int n = std::max(1, job.face_size >> job.levels[i]);
-    const bool cube = job.layout == MipLayout::CubeFaces;
-    return {.level = job.levels[i],
-            .faces = cube ? 6 : 1,
-            .width = cube ? n : 4 * n,
-            .height = cube ? n : 2 * n,
-            .channels = job.channels,
-            .perceptual_roughness = job.perceptual_roughness[i],
-            .texels = {},
-            .error_estimate = 0};
-}
-
 double alpha_of(float perceptual_roughness) {
     const double r = std::clamp(static_cast<double>(perceptual_roughness), 1e-3, 1.0);
     return r * r;
@@ -52,6 +38,19 @@ lighting::PrefilterAccuracy accuracy_for(double tolerance, bool certify) {
 
 }  // namespace
 
+Mip empty_mip(const MipsJob& job, std::size_t i) {
+    const int n = std::max(1, job.face_size >> job.levels[i]);
+    const bool cube = job.layout == MipLayout::CubeFaces;
+    return {.level = job.levels[i],
+            .faces = cube ? 6 : 1,
+            .width = cube ? n : 4 * n,
+            .height = cube ? n : 2 * n,
+            .channels = job.channels,
+            .perceptual_roughness = job.perceptual_roughness[i],
+            .texels = {},
+            .error_estimate = 0};
+}
+
 std::vector<Mip> bake_mips(const MipsJob& job, const Environment& environment, Progress& progress) {
     assert(job.levels.size() == job.perceptual_roughness.size());
     std::vector<Mip> mips;
@@ -59,8 +58,7 @@ std::vector<Mip> bake_mips(const MipsJob& job, const Environment& environment, P
     double finest = 1;
     for (std::size_t i = 0; i < job.levels.size(); ++i) {
         const Mip& mip = mips.emplace_back(empty_mip(job, i));
-        texels += static_cast<std::uint64_t>(mip.faces) * static_cast<std::uint64_t>(mip.width) *
-                  static_cast<std::uint64_t>(mip.height);
+        texels += mip.texel_count();
         if (mip.perceptual_roughness > 0) {
             finest = std::min(finest, alpha_of(mip.perceptual_roughness));
         }

@@ -6,6 +6,8 @@
 #include "baker/lighting/mip_layout.h"
 #include "envbake/runtime/brdf.h"
 
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace envbake {
@@ -38,7 +40,15 @@ struct Mip {
     /// keep it above the worst texel of every map compared, all texels of them, and never under 0.9
     /// of the tolerance. Mip 0, and constant maps: rounding alone.
     double error_estimate = 0;
+
+    std::uint64_t texel_count() const {
+        return static_cast<std::uint64_t>(faces) * static_cast<std::uint64_t>(width) *
+               static_cast<std::uint64_t>(height);
+    }
 };
+
+/// levels[i] of a job, still without texels.
+Mip empty_mip(const MipsJob& job, std::size_t i);
 
 /// N = V = R: integral of L(l) w(l) over integral of w(l), w(l) = D(h) max(0, n.l), at the centre
 /// of every texel, straight from the source texels: any grid, any size of map and mip. Mip 0

@@ -66,16 +66,19 @@ Expected<BakeOutcome> run_plan(const BakeRequest& request, const BakeInputs& inp
 /// Runs request.shard's part of the plan and writes what it gives, for merge_shards().
 ///
 /// Errors:  Failed  as run_plan()
-///          Usage   the plan has bounces
 Expected<void> run_shard(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
                          Progress& progress);
 
 /// Makes of all shards of a bake, in any order, the bundle that run_plan() makes, byte for byte.
+/// Light between surfaces is added here: shards have the rays that it follows, not where they end.
+///   scene  that the shards were baked from; read only where light bounces
 ///
 /// Errors:  InvalidBundle  a shard is damaged, or of another bake than the first
-///          Usage          a file is no shard; a shard is missing, or there twice
+///          InvalidInput   it is another scene
+///          Usage          a file is no shard; a shard or the scene is missing, or there twice
 ///          Failed         a file cannot be read, or the output not be written
 Expected<BakeOutcome> merge_shards(const std::vector<std::filesystem::path>& shards,
+                                   const std::filesystem::path& scene,
                                    const std::filesystem::path& output, Progress& progress);
 
 /// The files that request.output was baked from, where it is an undamaged bundle that the same tool

@@ -66,6 +66,35 @@ std::uint64_t bytes_of(std::span<const EncodedPart> encoded, std::span<const Tra
 
 }  // namespace
 
+format::ElementType element_type(RowEncoding encoding) {
+    switch (encoding) {
+        case RowEncoding::F16:
+            return format::ElementType::F16;
+        case RowEncoding::Unorm16:
+            return format::ElementType::U16;
+        case RowEncoding::Unorm8:
+            return format::ElementType::U8;
+        case RowEncoding::F32:
+            break;
+    }
+    return format::ElementType::F32;
+}
+
+std::optional<RowEncoding> row_encoding(format::ElementType type) {
+    switch (type) {
+        case format::ElementType::F32:
+            return RowEncoding::F32;
+        case format::ElementType::F16:
+            return RowEncoding::F16;
+        case format::ElementType::U16:
+            return RowEncoding::Unorm16;
+        case format::ElementType::U8:
+            return RowEncoding::Unorm8;
+        default:
+            return {};
+    }
+}
+
 EncodedTransport encode_transport(Encoding encoding, std::span<const TransportPart> parts,
                                   std::size_t row_size, double tolerance, double relative,
                                   std::uint64_t seed) {

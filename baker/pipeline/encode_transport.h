@@ -5,12 +5,19 @@
 #include "baker/transport/cluster_rows.h"
 #include "baker/transport/row_encoding.h"
 
+#include "envbake/format/layout.h"
+
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 namespace envbake {
+
+/// How a bundle stores elements of rows, and the other way round.
+format::ElementType element_type(RowEncoding encoding);
+std::optional<RowEncoding> row_encoding(format::ElementType type);
 
 /// The transport of one mesh.
 struct TransportPart {

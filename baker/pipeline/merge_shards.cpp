@@ -4,6 +4,7 @@
 #include "baker/pipeline/merged_stages.h"
 #include "baker/pipeline/run.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -38,7 +39,8 @@ Expected<Opened> open_shard(const std::filesystem::path& path) {
         opened.shard.index > opened.shard.count || !opened.shared.is_object() ||
         !opened.shared.contains("results"))
         return damaged;
-    opened.file.results = std::move(opened.shared["results"]);
+    for (auto& [output, result] : opened.shared["results"].items())
+        opened.file.results.emplace(output, std::move(result));
     opened.shared.erase("results");
     opened.shared.erase("shard");
     return opened;
@@ -91,9 +93,37 @@ Expected<Parts> open_all(const std::vector<std::filesystem::path>& paths) {
     return parts;
 }
 
+bool bounces_light(const BakePlan& plan) {
+    return std::any_of(plan.stages.begin(), plan.stages.end(), [](const PlannedStage& stage) {
+        return stage.job && std::holds_alternative<PlannedBounces>(*stage.job);
+    });
+}
+
+/// The scene that the parts were baked from.
+Expected<Scene> read_same_scene(const std::filesystem::path& path, const SharedState& of_parts) {
+    if (path.empty())
+        return Error{Errc::Usage,
+                     "light bounces in these parts, and for that the whole scene is needed: give "
+                     "the one that they were baked from with --scene"};
+    BakeRequest request = of_parts.request;
+    request.scene = path;
+    ENVBAKE_TRY(BakeInputs inputs, load_inputs(request));
+    std::vector<InputFile> expected;
+    for (const InputFile& file : of_parts.inputs.files)
+        if (file.role != "environment") expected.push_back(file);
+    if (!std::equal(inputs.files.begin(), inputs.files.end(), expected.begin(), expected.end(),
+                    [](const InputFile& a, const InputFile& b) { return a.hash == b.hash; }))
+        return Error{Errc::InvalidInput,
+                     concat(path.string(),
+                            ": is not the scene that the parts were baked from, or a file that it "
+                            "refers to has changed")};
+    return *std::move(inputs.scene);
+}
+
 }  // namespace
 
 Expected<BakeOutcome> merge_shards(const std::vector<std::filesystem::path>& paths,
+                                   const std::filesystem::path& scene,
                                    const std::filesystem::path& output, Progress& progress) {
     ENVBAKE_TRY(const Parts parts, open_all(paths));
     const std::string name = paths.front().string();
@@ -109,7 +139,10 @@ Expected<BakeOutcome> merge_shards(const std::vector<std::filesystem::path>& pat
         state.request.output = output;
         const auto plan = plan_of_shards(shared, state);
         if (!plan) return Error{plan.error().code, concat(name, ": ", plan.error().message)};
-        MergedStages stages(parts.files, state.inputs.facts, progress);
+        if (bounces_light(*plan)) {
+            ENVBAKE_TRY(state.inputs.scene, read_same_scene(scene, state));
+        }
+        MergedStages stages(parts.files, state.inputs, state.request.isa, progress);
         return write_bundle(state.request, state.inputs, shared, *plan, stages, Older::Forget,
                             progress);
     } catch (const Json::exception& e) {

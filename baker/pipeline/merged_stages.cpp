@@ -62,10 +62,6 @@ Expected<std::uint64_t> pass_on(const ShardFile& shard, const std::string& name,
     return info->element_count() / row_size;
 }
 
-std::string name_of(const std::string& output) {
-    return concat("shard/", output);
-}
-
 Error unexpected(const ShardFile& shard, const std::string& output) {
     return {Errc::InvalidBundle, concat(shard.path.string(), ": says nothing usable of ", output,
                                         "; bake this shard again")};
@@ -87,12 +83,12 @@ Expected<std::vector<MergedStages::Part>> MergedStages::parts(const std::string&
         if (!shard.results.contains(output)) continue;
         const Json& json = shard.results.at(output);
         parts.push_back({&shard, read_count(json.at("begin")), read_count(json.at("end")),
-                         read_count(json.at("pieces")), json.at("report")});
+                         read_count(json.at("pieces")), json});
         if (parts.back().begin != next || parts.back().end <= next)
             return unexpected(shard, output);
         next = parts.back().end;
     }
-    if (next != facts_.meshes[mesh].vertex_count)
+    if (next != inputs_.facts.meshes[mesh].vertex_count)
         return unexpected(parts.empty() ? shards_.front() : *parts.back().shard, output);
     return parts;
 }
@@ -100,20 +96,13 @@ Expected<std::vector<MergedStages::Part>> MergedStages::parts(const std::string&
 Expected<std::vector<Mip>> MergedStages::mips(const std::string& output, const MipsJob& job) {
     ENVBAKE_TRY(const ShardFile* shard, owner(output));
     std::vector<Mip> mips;
-    for (const Json& of_mip : shard->results.at(output)) {
-        Mip& mip = mips.emplace_back();
-        read_report(of_mip, mip);
-        if (mips.size() > job.levels.size() || mip.level != job.levels[mips.size() - 1] ||
-            mip.channels != job.channels || (mip.faces != 1 && mip.faces != 6) || mip.width < 1 ||
-            mip.height < 1 || mip.width > 4 * job.face_size || mip.height > 2 * job.face_size)
-            return unexpected(*shard, output);
-        ENVBAKE_TRY(mip.texels, read<float>(*shard, concat(name_of(output), "/", mip.level),
-                                            static_cast<std::uint64_t>(mip.faces) *
-                                                static_cast<std::uint64_t>(mip.width) *
-                                                static_cast<std::uint64_t>(mip.height) *
-                                                static_cast<std::uint64_t>(mip.channels)));
+    for (std::size_t i = 0; i < job.levels.size(); ++i) {
+        Mip& mip = mips.emplace_back(empty_mip(job, i));
+        shard->results.at(output).at(i).get_to(mip.error_estimate);
+        ENVBAKE_TRY(mip.texels,
+                    read<float>(*shard, concat(shard_name(output), "/", mip.level),
+                                mip.texel_count() * static_cast<std::uint64_t>(mip.channels)));
     }
-    if (mips.size() != job.levels.size()) return unexpected(*shard, output);
     return mips;
 }
 
@@ -124,11 +113,11 @@ Expected<BrdfTable> MergedStages::table(const std::string& output, const BrdfTab
     if (table.size != job.size) return unexpected(*shard, output);
     const auto size = static_cast<std::uint64_t>(job.size);
     ENVBAKE_TRY(const std::vector<float> texels,
-                read<float>(*shard, name_of(output) + "/texels", 2 * size * size));
+                read<float>(*shard, shard_name(output) + "/texels", 2 * size * size));
     for (std::size_t i = 0; i < texels.size(); i += 2)
         table.texels.emplace_back(texels[i], texels[i + 1]);
     ENVBAKE_TRY(table.average_albedo,
-                read<float>(*shard, name_of(output) + "/average_albedo", size));
+                read<float>(*shard, shard_name(output) + "/average_albedo", size));
     return table;
 }
 
@@ -138,7 +127,7 @@ Expected<LobeExpansion> MergedStages::lobe(const std::string& output, const Lobe
     shard->results.at(output).at("rows").get_to(lobe.rows);
     const auto floats = [&](const char* part, int bands) {
         return read<float>(
-            *shard, name_of(output) + part,
+            *shard, shard_name(output) + part,
             static_cast<std::uint64_t>(lobe.rows) * 2 * runtime::lobe_size(job.exit_bands, bands));
     };
     ENVBAKE_TRY(lobe.unoccluded, floats("/unoccluded", job.light_bands));
@@ -147,13 +136,14 @@ Expected<LobeExpansion> MergedStages::lobe(const std::string& output, const Lobe
 }
 
 Expected<DiffuseReport> MergedStages::rows(const std::string& output, const DiffuseJob& job,
-                                           std::size_t mesh, bool, const Sink<float>& sink) {
+                                           std::size_t mesh, bool for_bounces,
+                                           const Sink<float>& sink) {
     ENVBAKE_TRY(const std::vector<Part> all, parts(output, mesh));
     const auto bands = static_cast<std::uint64_t>(std::max(job.bands, job.row_bands));
     DiffuseReport whole;
     for (const Part& part : all) {
         DiffuseReport report;
-        read_report(part.report, report);
+        read_report(part.result.at("report"), report);
         if (part.begin == 0) {
             whole = report;
         } else {
@@ -170,13 +160,14 @@ Expected<DiffuseReport> MergedStages::rows(const std::string& output, const Diff
         std::uint64_t vertices = 0;
         for (std::uint64_t piece = 0; piece < part.pieces; ++piece) {
             ENVBAKE_TRY(const std::uint64_t some,
-                        pass_on(*part.shard, concat(name_of(output), "/", piece), bands * bands,
+                        pass_on(*part.shard, concat(shard_name(output), "/", piece), bands * bands,
                                 part.end - part.begin - vertices, sink));
             vertices += some;
             progress_.add(some);
         }
         if (vertices != part.end - part.begin) return unexpected(*part.shard, output);
     }
+    if (for_bounces) ENVBAKE_TRY_VOID(read_blocked(output, job, mesh, all));
     return whole;
 }
 
@@ -185,15 +176,43 @@ Expected<std::vector<float>> MergedStages::normals(std::size_t mesh) {
     std::vector<float> normals;
     for (const Part& part : all) {
         ENVBAKE_TRY(const std::vector<float> some,
-                    read<float>(*part.shard, concat("shard/mesh/", mesh, "/normal"),
+                    read<float>(*part.shard, shard_name(concat("mesh/", mesh, "/normal")),
                                 3 * (part.end - part.begin)));
         normals.insert(normals.end(), some.begin(), some.end());
     }
     return normals;
 }
 
-Expected<BounceReport> MergedStages::bounces(const BounceJob&, std::span<MeshTransport>) {
-    return unexpected(shards_.front(), "bounces");
+Expected<void> MergedStages::read_blocked(const std::string& output, const DiffuseJob& job,
+                                          std::size_t mesh, std::span<const Part> parts) {
+    const Json& first = parts.front().result;
+    DiffuseReport report;
+    read_report(first.at("report"), report);
+    const auto packets = read_count(first.at("packets"));
+    if (packets == 0) return {};
+    if (packets * 16 != static_cast<std::uint64_t>(report.rays_per_vertex) ||
+        report.rays_per_vertex > kMaxRays)
+        return unexpected(*parts.front().shard, output);
+    BlockedRays& blocked = blocked_[mesh];
+    blocked.seed = job.seed;
+    blocked.set = make_ray_set(report.rays_per_vertex, job.bands, first.at("pilot") == true);
+    for (const Part& part : parts) {
+        if (packets != blocked.set.directions.size() || part.result.at("packets") != packets ||
+            part.result.at("pilot") != first.at("pilot"))
+            return unexpected(*part.shard, output);
+        ENVBAKE_TRY(const std::vector<std::uint16_t> masks,
+                    read<std::uint16_t>(*part.shard, shard_name(output) + "/blocked",
+                                        (part.end - part.begin) * packets));
+        blocked.masks.insert(blocked.masks.end(), masks.begin(), masks.end());
+    }
+    return {};
+}
+
+/// The only stage that is not cut: a place reflects what all the others get.
+Expected<BounceReport> MergedStages::bounces(const BounceJob& job,
+                                             std::span<MeshTransport> transport) {
+    ENVBAKE_TRY(const Tracer tracer, Tracer::build(*inputs_.scene, isa_));
+    return add_bounces(job, *inputs_.scene, tracer, blocked_, transport);
 }
 
 Expected<WaveletReport> MergedStages::wavelet(const std::string& output, const WaveletJob&,
@@ -205,11 +224,11 @@ Expected<WaveletReport> MergedStages::wavelet(const std::string& output, const W
     offsets.assign(1, 0);
     for (const Part& part : all) {
         WaveletReport report;
-        read_report(part.report, report);
+        read_report(part.result.at("report"), report);
         append(whole, report);
         const std::uint64_t blocks = (part.end - part.begin + kWaveletBlock - 1) / kWaveletBlock;
         ENVBAKE_TRY(const std::vector<std::uint32_t> ends,
-                    read<std::uint32_t>(*part.shard, name_of(output) + "/offsets", blocks + 1));
+                    read<std::uint32_t>(*part.shard, shard_name(output) + "/offsets", blocks + 1));
         if (ends.front() != 0 || !std::is_sorted(ends.begin(), ends.end()))
             return unexpected(*part.shard, output);
         const std::uint64_t before = offsets.back();
@@ -218,14 +237,14 @@ Expected<WaveletReport> MergedStages::wavelet(const std::string& output, const W
         for (std::size_t b = 1; b < ends.size(); ++b)
             offsets.push_back(static_cast<std::uint32_t>(before + ends[b]));
         ENVBAKE_TRY(const std::vector<std::uint32_t> words,
-                    read<std::uint32_t>(*part.shard, name_of(output) + "/square_sums",
+                    read<std::uint32_t>(*part.shard, shard_name(output) + "/square_sums",
                                         2 * square_sums.size()));
         for (std::size_t i = 0; i < square_sums.size(); ++i)
             square_sums[i] += words[2 * i] + (std::uint64_t{words[2 * i + 1]} << 32);
         std::uint64_t bytes = 0;
         for (std::uint64_t piece = 0; piece < part.pieces; ++piece) {
             ENVBAKE_TRY(const std::uint64_t some,
-                        pass_on(*part.shard, concat(name_of(output), "/", piece), 1,
+                        pass_on(*part.shard, concat(shard_name(output), "/", piece), 1,
                                 4 * std::uint64_t{ends.back()} - bytes, sink));
             bytes += some;
         }
@@ -241,12 +260,12 @@ Expected<WaveletLight> MergedStages::wavelet_light(const std::string& output, co
     const std::uint64_t count = wavelet::coeff_count(job.face_size);
     WaveletLight light;
     ENVBAKE_TRY(const std::vector<float> coeffs,
-                read<float>(*shard, name_of(output) + "/coeffs", 3 * count));
+                read<float>(*shard, shard_name(output) + "/coeffs", 3 * count));
     for (std::size_t i = 0; i < coeffs.size(); i += 3)
         light.coeffs.push_back({coeffs[i], coeffs[i + 1], coeffs[i + 2]});
     const auto sample = read_count(shard->results.at(output).at("sample"));
     for (std::uint64_t i = 0; i < sample; ++i) {
-        const std::string name = concat(name_of(output), "/", i);
+        const std::string name = concat(shard_name(output), "/", i);
         ENVBAKE_TRY(const std::vector<std::uint32_t> which,
                     read<std::uint32_t>(*shard, name + "/vertex", 2));
         WaveletLight::Vertex& vertex = light.sample.emplace_back();

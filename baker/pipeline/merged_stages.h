@@ -7,6 +7,7 @@
 #include "envbake/format/reader.h"
 
 #include <filesystem>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,7 +17,7 @@ namespace envbake {
 /// A part of a bake, as it lies on the disk.
 struct ShardFile {
     std::filesystem::path path;
-    Json results;
+    std::map<std::string, Json> results;  ///< of the stages that it ran, by their output
 };
 
 /// What the stages gave, read from shards. A shard is mapped only as long as one of its arrays is
@@ -27,8 +28,14 @@ struct ShardFile {
 class MergedStages : public StageSource {
   public:
     /// shards  all of a bake, in order
-    MergedStages(std::span<const ShardFile> shards, const BakeFacts& facts, Progress& progress)
-        : shards_(shards), facts_(facts), progress_(progress) {}
+    /// inputs  facts, and where light bounces the scene: that needs all transport at once
+    MergedStages(std::span<const ShardFile> shards, const BakeInputs& inputs, Isa isa,
+                 Progress& progress)
+        : shards_(shards),
+          inputs_(inputs),
+          isa_(isa),
+          progress_(progress),
+          blocked_(inputs.facts.meshes.size()) {}
 
     Expected<std::vector<Mip>> mips(const std::string& output, const MipsJob& job) override;
     Expected<BrdfTable> table(const std::string& output, const BrdfTableJob& job) override;
@@ -52,14 +59,20 @@ class MergedStages : public StageSource {
     struct Part {
         const ShardFile* shard;
         std::uint64_t begin, end, pieces;  ///< vertices, and arrays that they are in
-        Json report;
+        Json result;
     };
     /// All vertices of a mesh, in order.
     Expected<std::vector<Part>> parts(const std::string& output, std::size_t mesh) const;
 
+    /// What the rays of a mesh met.
+    Expected<void> read_blocked(const std::string& output, const DiffuseJob& job, std::size_t mesh,
+                                std::span<const Part> parts);
+
     std::span<const ShardFile> shards_;
-    const BakeFacts& facts_;
+    const BakeInputs& inputs_;
+    Isa isa_;
     Progress& progress_;
+    std::vector<BlockedRays> blocked_;  ///< [mesh]
 };
 
 }  // namespace envbake

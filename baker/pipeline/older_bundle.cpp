@@ -2,8 +2,9 @@
 #include "baker/pipeline/older_bundle.h"
 
 #include "baker/pipeline/array_values.h"
+#include "baker/pipeline/encode_transport.h"
 
-#include "envbake/runtime/half.h"
+#include "envbake/runtime/bundle.h"
 
 #include <algorithm>
 #include <cstring>
@@ -18,21 +19,6 @@ using format::ElementType;
 bool is_intact(const format::Reader& reader, const std::string& name) {
     const auto info = reader.find(name);
     return info && reader.verify(*info);
-}
-
-std::optional<RowEncoding> row_encoding(ElementType type) {
-    switch (type) {
-        case ElementType::F32:
-            return RowEncoding::F32;
-        case ElementType::F16:
-            return RowEncoding::F16;
-        case ElementType::U16:
-            return RowEncoding::Unorm16;
-        case ElementType::U8:
-            return RowEncoding::Unorm8;
-        default:
-            return {};
-    }
 }
 
 template <class To, class From>
@@ -128,11 +114,11 @@ Expected<void> OlderRows::read_clusters(const OlderBundle& older, const std::str
                                         std::uint64_t vertex_count) {
     ENVBAKE_TRY(const auto weights, older.elements(name + "_weights"));
     ENVBAKE_TRY(const auto numbers, older.elements(name + "_cluster"));
-    constexpr std::uint64_t kMostWeights = 32;
     const bool wide = numbers.info.type == ElementType::U16;
     const auto basis_info = older.reader().find("mesh/diffuse_basis");
     if (!basis_info || weights.info.type != ElementType::U8 || weights.info.rank != 2 ||
-        weights.info.shape[0] != vertex_count || weights.info.shape[1] > kMostWeights ||
+        weights.info.shape[0] != vertex_count ||
+        weights.info.shape[1] > runtime::kMaxClusterWeights ||
         !(wide || numbers.info.type == ElementType::U8) ||
         numbers.info.element_count() != vertex_count)
         return unexpected(name + "_weights");

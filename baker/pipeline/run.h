@@ -27,9 +27,8 @@ auto& lobe_of(Lobes& lobes, runtime::Distribution distribution) {
 }
 
 /// Makes a bundle of what the stages of one plan give, wherever they are run (StageSource). Its
-/// stages stand by subject in run_lighting.cpp,
-/// run_transport.cpp, run_encoding.cpp, run_wavelet.cpp and run_self_test.cpp; what is not baked
-/// again in run_kept.cpp.
+/// stages stand by subject in run_lighting.cpp, run_transport.cpp, run_encoding.cpp,
+/// run_wavelet.cpp and run_self_test.cpp; what is not baked again in run_kept.cpp.
 class Run {
   public:
     /// described  describe_bake()
@@ -91,6 +90,9 @@ class Run {
     /// The job with the mesh's part of the time that is left: by its share of the vertices that are
     /// still to be traced.
     DiffuseJob in_time(DiffuseJob job, std::size_t mesh);
+    static BakeReport::ArrayError error_of_transport(double rms) {
+        return {rms, "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+    }
     /// One bar for the transport of all meshes, once the first of them begins.
     void announce_transport();
 

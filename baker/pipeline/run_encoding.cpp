@@ -10,23 +10,6 @@
 
 namespace envbake {
 
-namespace {
-
-format::ElementType element_type(Encoding encoding) {
-    switch (encoding) {
-        case Encoding::F16:
-            return format::ElementType::F16;
-        case Encoding::Unorm16:
-            return format::ElementType::U16;
-        case Encoding::Unorm8:
-            return format::ElementType::U8;
-        default:
-            return format::ElementType::F32;
-    }
-}
-
-}  // namespace
-
 Expected<void> Run::keep_on_disk(const std::string& output, const PlannedDiffuse& diffuse) {
     if (!store_) {
         ENVBAKE_TRY(RowStore store, RowStore::create(request_.output.parent_path()));
@@ -36,8 +19,7 @@ Expected<void> Run::keep_on_disk(const std::string& output, const PlannedDiffuse
     const auto sink = [&](std::span<const float> rows) { return store_->append(rows); };
     ENVBAKE_TRY(DiffuseReport report, stages_.rows(output, in_time(diffuse.job, diffuse.mesh),
                                                    diffuse.mesh, false, sink));
-    report_.array_errors[output] = {report.error_rms,
-                                    "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+    report_.array_errors[output] = error_of_transport(report.error_rms);
     report_.diffuse[diffuse.mesh] = report;
     on_disk_.push_back({diffuse.mesh, begin, store_->size() - begin});
     return {};
@@ -140,7 +122,7 @@ Expected<void> Run::write(const TransportPart& part, const EncodedPart& encoded,
         shape.pop_back();
     }
     shape.insert(shape.begin(), vertices);
-    ENVBAKE_TRY_VOID(begin({output, element_type(encoded.encoding), shape, codec()}));
+    ENVBAKE_TRY_VOID(begin({output, element_type(encoded.code.encoding), shape, codec()}));
     constexpr std::size_t kRowsAtOnce = 4096;
     for (std::size_t at = 0; at < part.rows.size(); at += kRowsAtOnce * row_size) {
         const auto rows =

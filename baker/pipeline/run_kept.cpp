@@ -55,21 +55,15 @@ Expected<void> Run::read_back(const std::string& output, const PlannedMips& mips
     report_.mip_count = stored_.mip_count = mips.level_count;
     for (std::size_t i = 0; i < mips.job.levels.size(); ++i) {
         const std::string name = concat(output, "/", mips.job.levels[i]);
-        const int size = std::max(1, mips.job.face_size >> mips.job.levels[i]);
-        StoredArrays::Mip mip{mips.job.levels[i], 6, size, size, mips.job.channels, {}};
-        if (mips.job.layout == MipLayout::LatLong) {
-            mip.faces = 1;
-            mip.width = 4 * size;
-            mip.height = 2 * size;
-        }
-        ENVBAKE_TRY(mip.texels, older_->floats(name, static_cast<std::uint64_t>(mip.faces) *
-                                                         static_cast<std::uint64_t>(mip.width) *
-                                                         static_cast<std::uint64_t>(mip.height) *
-                                                         static_cast<std::uint64_t>(mip.channels)));
+        const Mip mip = empty_mip(mips.job, i);
+        StoredArrays::Mip stored{mip.level, mip.faces, mip.width, mip.height, mip.channels, {}};
+        ENVBAKE_TRY(
+            stored.texels,
+            older_->floats(name, mip.texel_count() * static_cast<std::uint64_t>(mip.channels)));
         lobe_of(report_, mips.job.distribution)
             .mip_levels.push_back(
-                {mip.level, mip.faces, mip.width, mip.height, mips.job.perceptual_roughness[i]});
-        lobe_of(stored_, mips.job.distribution).mips.push_back(std::move(mip));
+                {mip.level, mip.faces, mip.width, mip.height, mip.perceptual_roughness});
+        lobe_of(stored_, mips.job.distribution).mips.push_back(std::move(stored));
     }
     return {};
 }

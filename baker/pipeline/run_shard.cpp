@@ -38,7 +38,6 @@ class ShardRun {
                          concat(request_.output.string(), ": ", format::to_string(done.error()))};
         return {};
     }
-    static std::string name_of(const std::string& output) { return concat("shard/", output); }
 
     void announce();
 
@@ -78,13 +77,10 @@ void ShardRun::announce() {
     std::uint64_t total = 0;
     for (const PlannedStage& stage : plan_.stages) {
         if (!stage.job) continue;
-        const auto count = [&](std::size_t mesh) {
-            const auto [begin, end] = share_.vertices(mesh);
+        if (const auto mesh = mesh_of_rows(*stage.job)) {
+            const auto [begin, end] = share_.vertices(*mesh);
             total += end - begin;
-        };
-        if (const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job)) count(glossy->mesh);
-        if (const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job))
-            if (!diffuse->from_glossy) count(diffuse->mesh);
+        }
     }
     progress_.begin("diffuse transport", "vertices", total);
 }
@@ -113,13 +109,13 @@ Expected<void> ShardRun::execute() {
 Expected<void> ShardRun::bake(const std::string& output, const PlannedMips& planned) {
     if (!share_.takes_next()) return {};
     ENVBAKE_TRY(const std::vector<Mip> mips, stages_.mips(output, planned.job));
-    Json list = Json::array();
+    Json errors = Json::array();
     for (const Mip& mip : mips) {
-        list.push_back(report_json(mip));
-        ENVBAKE_TRY_VOID(
-            add<float>(concat(name_of(output), "/", mip.level), {mip.texels.size()}, mip.texels));
+        errors.push_back(mip.error_estimate);
+        ENVBAKE_TRY_VOID(add<float>(concat(shard_name(output), "/", mip.level), {mip.texels.size()},
+                                    mip.texels));
     }
-    results_[output] = std::move(list);
+    results_[output] = std::move(errors);
     return {};
 }
 
@@ -129,8 +125,8 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedTable& pla
     std::vector<float> texels;
     for (const Vec2& texel : table.texels) texels.insert(texels.end(), {texel.x, texel.y});
     results_[output] = report_json(table);
-    ENVBAKE_TRY_VOID(add<float>(name_of(output) + "/texels", {texels.size()}, texels));
-    return add<float>(name_of(output) + "/average_albedo", {table.average_albedo.size()},
+    ENVBAKE_TRY_VOID(add<float>(shard_name(output) + "/texels", {texels.size()}, texels));
+    return add<float>(shard_name(output) + "/average_albedo", {table.average_albedo.size()},
                       table.average_albedo);
 }
 
@@ -139,8 +135,8 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedLobe& plan
     ENVBAKE_TRY(const LobeExpansion lobe, stages_.lobe(output, planned.job));
     results_[output] = {{"rows", lobe.rows}};
     ENVBAKE_TRY_VOID(
-        add<float>(name_of(output) + "/unoccluded", {lobe.unoccluded.size()}, lobe.unoccluded));
-    return add<float>(name_of(output) + "/kernel", {lobe.kernel.size()}, lobe.kernel);
+        add<float>(shard_name(output) + "/unoccluded", {lobe.unoccluded.size()}, lobe.unoccluded));
+    return add<float>(shard_name(output) + "/kernel", {lobe.kernel.size()}, lobe.kernel);
 }
 
 Expected<void> ShardRun::rows(const std::string& output, DiffuseJob job, std::size_t mesh,
@@ -153,13 +149,22 @@ Expected<void> ShardRun::rows(const std::string& output, DiffuseJob job, std::si
     const std::uint64_t row_size = bands * bands;
     std::uint64_t pieces = 0;
     const auto sink = [&](std::span<const float> some) {
-        return add<float>(concat(name_of(output), "/", pieces++),
+        return add<float>(concat(shard_name(output), "/", pieces++),
                           {some.size() / row_size, row_size}, some);
     };
     ENVBAKE_TRY(const DiffuseReport report, stages_.rows(output, job, mesh, for_bounces, sink));
     results_[output] = {
         {"begin", begin}, {"end", end}, {"pieces", pieces}, {"report", report_json(report)}};
-    return {};
+    if (!for_bounces) return {};
+    const BlockedRays blocked = stages_.take_blocked(mesh);
+    const std::uint64_t packets = blocked.set.directions.size();
+    results_[output]["packets"] = packets;
+    results_[output]["pilot"] = blocked.set.pilot_packets > 0;
+    if (packets == 0) return {};
+    return add<std::uint16_t>(
+        shard_name(output) + "/blocked", {end - begin, packets},
+        std::span(blocked.masks).subspan(begin * packets, (end - begin) * packets),
+        format::Codec::Zstd);
 }
 
 Expected<void> ShardRun::bake(const std::string& output, const PlannedDiffuse& planned) {
@@ -172,7 +177,7 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedGlossy& pl
     const auto [begin, end] = share_.vertices(planned.mesh);
     if (begin == end) return {};
     ENVBAKE_TRY(const std::vector<float> normals, stages_.normals(planned.mesh));
-    return add<float>(concat("shard/mesh/", planned.mesh, "/normal"), {end - begin, 3},
+    return add<float>(shard_name(concat("mesh/", planned.mesh, "/normal")), {end - begin, 3},
                       std::span(normals).subspan(3 * begin, 3 * (end - begin)));
 }
 
@@ -188,7 +193,7 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedWavelet& p
     std::uint64_t pieces = 0;
     const auto flush = [&]() -> Expected<void> {
         ENVBAKE_TRY_VOID(
-            add<std::uint8_t>(concat(name_of(output), "/", pieces++), {piece.size()},
+            add<std::uint8_t>(concat(shard_name(output), "/", pieces++), {piece.size()},
                               {reinterpret_cast<const std::uint8_t*>(piece.data()), piece.size()}));
         piece.clear();
         return {};
@@ -211,8 +216,9 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedWavelet& p
     }
     results_[output] = {
         {"begin", begin}, {"end", end}, {"pieces", pieces}, {"report", report_json(report)}};
-    ENVBAKE_TRY_VOID(add<std::uint32_t>(name_of(output) + "/offsets", {offsets.size()}, offsets));
-    return add<std::uint32_t>(name_of(output) + "/square_sums", {sums.size(), 2}, words);
+    ENVBAKE_TRY_VOID(
+        add<std::uint32_t>(shard_name(output) + "/offsets", {offsets.size()}, offsets));
+    return add<std::uint32_t>(shard_name(output) + "/square_sums", {sums.size(), 2}, words);
 }
 
 Expected<void> ShardRun::bake(const std::string& output, const PlannedWaveletLight& planned) {
@@ -224,10 +230,10 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedWaveletLig
     for (const wavelet::Rgb& coeff : light.coeffs)
         values.insert(values.end(), coeff.begin(), coeff.end());
     results_[output] = {{"sample", light.sample.size()}};
-    ENVBAKE_TRY_VOID(add<float>(name_of(output) + "/coeffs", {coeffs, 3}, values));
+    ENVBAKE_TRY_VOID(add<float>(shard_name(output) + "/coeffs", {coeffs, 3}, values));
     for (std::size_t i = 0; i < light.sample.size(); ++i) {
         const WaveletLight::Vertex& vertex = light.sample[i];
-        const std::string name = concat(name_of(output), "/", i);
+        const std::string name = concat(shard_name(output), "/", i);
         const std::uint32_t which[2] = {vertex.mesh, vertex.vertex};
         ENVBAKE_TRY_VOID(add<std::uint32_t>(name + "/vertex", {2}, which));
         ENVBAKE_TRY_VOID(
@@ -242,11 +248,6 @@ Expected<void> ShardRun::bake(const std::string& output, const PlannedWaveletLig
 
 Expected<void> run_shard(const BakeRequest& request, const BakeInputs& inputs, const BakePlan& plan,
                          Progress& progress) try {
-    for (const PlannedStage& stage : plan.stages)
-        if (stage.job && std::holds_alternative<PlannedBounces>(*stage.job))
-            return Error{Errc::Usage,
-                         "--shard with --bounces: light between surfaces needs the whole scene's "
-                         "transport at once; bake it without --shard"};
     auto writer = format::Writer::create(request.output.string());
     const auto failed = [&](const format::Error& error) {
         return Error{Errc::Failed, concat(request.output.string(), ": ", format::to_string(error))};

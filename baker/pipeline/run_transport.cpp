@@ -2,8 +2,6 @@
 #include "baker/core/text.h"
 #include "baker/pipeline/run.h"
 
-#include "envbake/runtime/half.h"
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -27,14 +25,12 @@ void Run::announce_transport() {
     std::uint64_t total = 0;
     for (std::size_t i = 0; i < plan_.stages.size(); ++i)
         if (const PlannedStage& stage = plan_.stages[i]; stage.job && !kept_[i]) {
+            const auto mesh = mesh_of_rows(*stage.job);
+            if (!mesh) continue;
+            total += vertex_count(*mesh);
             const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
-            const auto* glossy = std::get_if<PlannedGlossy>(&*stage.job);
-            std::uint64_t vertices = 0;
-            if (diffuse != nullptr && !diffuse->from_glossy) vertices = vertex_count(diffuse->mesh);
-            if (glossy != nullptr) vertices = vertex_count(glossy->mesh);
-            total += vertices;
-            if (glossy != nullptr || (diffuse != nullptr && diffuse->job.shadowed))
-                vertices_to_trace_ += static_cast<double>(vertices);
+            if (diffuse == nullptr || diffuse->job.shadowed)
+                vertices_to_trace_ += static_cast<double>(vertex_count(*mesh));
         }
     progress_.begin("diffuse transport", "vertices", total);
 }
@@ -45,14 +41,14 @@ Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy)
     const auto diffuse_size = static_cast<std::size_t>(glossy.job.bands * glossy.job.bands);
     // Any encoding of diffuse transport makes halves of these numbers: in 8 bits they would err
     // more than the tolerance.
-    const bool half = request_.encoding != Encoding::F32;
-    const auto type = half ? format::ElementType::F16 : format::ElementType::F32;
-    ENVBAKE_TRY_VOID(begin({output, type, {vertices, row_size}, codec()}));
+    const RowEncoding encoding =
+        request_.encoding == Encoding::F32 ? RowEncoding::F32 : RowEncoding::F16;
+    const RowCode code{encoding, row_size, {}};
+    ENVBAKE_TRY_VOID(begin({output, element_type(encoding), {vertices, row_size}, codec()}));
     std::vector<float>& kept = transport_[glossy.mesh].rows;
     if (glossy.with_diffuse) kept.reserve(vertices * diffuse_size);
     double blocked_sum = 0, rounding_squares = 0;
     std::uint64_t first_vertex = 0;
-    std::vector<format::Half> halves;
     std::vector<float> as_read;
     const auto sink = [&](std::span<const float> rows) -> Expected<void> {
         for (std::size_t at = 0; at < rows.size(); at += row_size) {
@@ -61,19 +57,14 @@ Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy)
                 kept.insert(kept.end(), rows.begin() + static_cast<std::ptrdiff_t>(at),
                             rows.begin() + static_cast<std::ptrdiff_t>(at + diffuse_size));
         }
-        std::span<const std::byte> stored = std::as_bytes(rows);
-        if (half) {
-            halves.clear();
-            as_read.clear();
-            for (const float value : rows) {
-                halves.push_back({runtime::float_to_half(value)});
-                as_read.push_back(runtime::half_to_float(halves.back().bits));
-                const double rounding = static_cast<double>(as_read.back() - value);
-                rounding_squares += rounding * rounding;
-            }
-            stored = std::as_bytes(std::span(halves));
-            rows = as_read;
+        const std::vector<std::byte> stored = encode_rows(code, rows);
+        as_read.resize(rows.size());
+        decode_rows(code, stored, as_read);
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+            const double rounding = static_cast<double>(as_read[i] - rows[i]);
+            rounding_squares += rounding * rounding;
         }
+        rows = as_read;
         for (auto& asked : stored_.glossy_vertices) {
             if (asked.mesh != glossy.mesh || asked.vertex < first_vertex) continue;
             const std::uint64_t at = (asked.vertex - first_vertex) * row_size;
@@ -121,8 +112,7 @@ Expected<void> Run::store_kept(const std::string& output, const PlannedDiffuse& 
         rows = std::move(coloured);
         return {};
     }
-    report_.array_errors[output] = {report_.diffuse[diffuse.mesh]->error_rms,
-                                    "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+    report_.array_errors[output] = error_of_transport(report_.diffuse[diffuse.mesh]->error_rms);
     if (encoded_) return {};
     keep_self_test_rows(diffuse.mesh, 0, rows, coeffs);
     ENVBAKE_TRY_VOID(add<float>(output, {rows.size() / coeffs, coeffs}, rows, codec()));
@@ -146,8 +136,7 @@ Expected<void> Run::bake(const std::string& output, const PlannedDiffuse& diffus
     ENVBAKE_TRY(DiffuseReport report, stages_.rows(output, in_time(diffuse.job, diffuse.mesh),
                                                    diffuse.mesh, false, sink));
     ENVBAKE_TRY_VOID(end());
-    report_.array_errors[output] = {report.error_rms,
-                                    "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+    report_.array_errors[output] = error_of_transport(report.error_rms);
     if (diffuse.job.shadowed) report_.diffuse[diffuse.mesh] = report;
     return {};
 }
@@ -183,8 +172,7 @@ Expected<void> Run::bake(const std::string&, const PlannedBounces& bounces) {
         of_mesh.error_rms = std::hypot(of_mesh.error_rms, report.error_rms) + left_out;
         of_mesh.error_p999 = std::hypot(of_mesh.error_p999, report.error_p999) + left_out;
         const std::string output = concat("mesh/", m, "/diffuse");
-        report_.array_errors[output] = {of_mesh.error_rms,
-                                        "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+        report_.array_errors[output] = error_of_transport(of_mesh.error_rms);
         if (encoded_) continue;
         keep_self_test_rows(m, 0, rows, coeffs * channels, transport_[m].emitted);
         std::vector<std::uint64_t> shape{rows.size() / (coeffs * channels), coeffs};

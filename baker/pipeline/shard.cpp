@@ -18,6 +18,10 @@ std::optional<std::size_t> mesh_of(const Job& job) {
 
 }  // namespace
 
+std::string shard_name(const std::string& output) {
+    return "shard/" + output;
+}
+
 ShareOfWork::ShareOfWork(const BakePlan& plan, const BakeFacts& facts, Shard shard)
     : shard_(shard), ranges_(facts.meshes.size()) {
     std::vector<bool> has_rows(facts.meshes.size(), false);

@@ -17,6 +17,9 @@ namespace envbake {
 // what they are is a matter between one version's `bake --shard` and `merge`, so its metadata has
 // the names that the code has.
 
+/// The array, or the first part of the names of the arrays, that hold what a stage gave.
+std::string shard_name(const std::string& output);
+
 /// What of a bake is one shard's. Vertices are cut into blocks, the blocks of all meshes that get
 /// transport are numbered through, and each shard has as many of them as the others; what no
 /// vertices belong to goes round.
@@ -63,12 +66,10 @@ std::uint64_t read_count(const Json& json);
 
 Json report_json(const DiffuseReport& report);
 Json report_json(const WaveletReport& report);
-Json report_json(const Mip& mip);          ///< all but the texels
 Json report_json(const BrdfTable& table);  ///< all but the numbers
 // Json::exception where they say something else.
 void read_report(const Json& json, DiffuseReport& report);
 void read_report(const Json& json, WaveletReport& report);
-void read_report(const Json& json, Mip& mip);
 void read_report(const Json& json, BrdfTable& table);
 
 }  // namespace envbake

@@ -29,8 +29,6 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DiffuseReport, vertex_count, unreferenced_cou
                                    error_p999, crossing_error, crossings)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WaveletReport, vertex_count, unreferenced_count, free_count,
                                    traced_count, ray_count, coeff_count, byte_count)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Mip, level, faces, width, height, channels, perceptual_roughness,
-                                   error_estimate)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BrdfTable, size, texel_error, lookup_error, lookup_error_rms,
                                    sharp_lookup_error)
 
@@ -174,9 +172,6 @@ Json report_json(const DiffuseReport& report) {
 Json report_json(const WaveletReport& report) {
     return to(report);
 }
-Json report_json(const Mip& mip) {
-    return to(mip);
-}
 Json report_json(const BrdfTable& table) {
     return to(table);
 }
@@ -185,9 +180,6 @@ void read_report(const Json& json, DiffuseReport& report) {
 }
 void read_report(const Json& json, WaveletReport& report) {
     from(json, report);
-}
-void read_report(const Json& json, Mip& mip) {
-    from(json, mip);
 }
 void read_report(const Json& json, BrdfTable& table) {
     from(json, table);

@@ -3,6 +3,13 @@
 
 namespace envbake {
 
+std::optional<std::size_t> mesh_of_rows(const Job& job) {
+    if (const auto* glossy = std::get_if<PlannedGlossy>(&job)) return glossy->mesh;
+    const auto* diffuse = std::get_if<PlannedDiffuse>(&job);
+    if (diffuse != nullptr && !diffuse->from_glossy) return diffuse->mesh;
+    return {};
+}
+
 Expected<void> BakedStages::build_tracer() {
     if (tracer_) return {};
     ENVBAKE_TRY(tracer_, Tracer::build(*inputs_.scene, isa_));

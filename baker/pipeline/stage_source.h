@@ -13,12 +13,16 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace envbake {
 
 template <class T>
 using Sink = std::function<Expected<void>(std::span<const T>)>;
+
+/// The mesh whose rows() a stage asks for; none where it asks for none.
+std::optional<std::size_t> mesh_of_rows(const Job& job);
 
 /// Where a run has what its stages give, before any encoding: from the stages themselves, or from
 /// the parts of a bake whose stages ran elsewhere. What the run makes of it is the same.
@@ -76,8 +80,8 @@ class BakedStages : public StageSource {
 
     /// Whether any stage had rays to cast.
     bool traced() const { return tracer_.has_value(); }
-    /// What the rays of a mesh met, where that was asked for.
-    const BlockedRays& blocked(std::size_t mesh) const { return blocked_[mesh]; }
+    /// What the rays of a mesh met, where that was asked for; it is forgotten here.
+    BlockedRays take_blocked(std::size_t mesh) { return std::exchange(blocked_[mesh], {}); }
 
   private:
     Expected<void> build_tracer();

@@ -25,7 +25,6 @@ using std::numbers::pi;
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kMaxRays = 1 << 18;
 constexpr std::size_t kBlock = 64;          ///< vertices of one call of a parallel loop
 constexpr std::size_t kHandOver = 1 << 15;  ///< vertices whose rows are in memory together, at most
 constexpr std::size_t kKeptOverhead = 64;   ///< bytes of a kept row beside its floats
@@ -60,6 +59,12 @@ void tell_error(DiffuseReport& report) {
     report.error_p999 = estimate.p999;
 }
 
+/// What is expected of one vertex.
+double square_error(const CrossingError& error, const Traced& traced) {
+    if (traced.rays == 0) return 0;
+    return traced.crossings == 0 ? error.solved : traced.crossings * error.per_crossing;
+}
+
 class DiffuseBake {
   public:
     DiffuseBake(const DiffuseJob& job, const Scene& scene, std::size_t mesh, const Tracer& tracer,
@@ -83,7 +88,8 @@ class DiffuseBake {
     std::vector<BakedTwice> bake_twice(const RaySet& set, std::span<const std::uint32_t> sample);
     double mean_square(const CrossingError& error, std::span<const BakedTwice> baked) const;
     bool is_open(const RayOrigin& origin) const;
-    Traced bake_row(std::uint32_t vertex, std::span<float> row) const;
+    Traced bake_row(std::uint32_t vertex, std::span<float> row,
+                    std::span<std::uint16_t> masks) const;
     std::span<std::uint16_t> masks_of(std::uint32_t vertex) const;
     double random(std::uint32_t vertex, Stage stage) const;
 
@@ -265,11 +271,12 @@ std::span<std::uint16_t> DiffuseBake::masks_of(std::uint32_t vertex) const {
     return std::span(blocked_->masks).subspan(vertex * packets, packets);
 }
 
-Traced DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row) const {
+Traced DiffuseBake::bake_row(std::uint32_t vertex, std::span<float> row,
+                             std::span<std::uint16_t> masks) const {
     const RayOrigin origin = points_.origin(vertex, tracer_.space());
     if (!is_open(origin))
         return visible_transport(set_, tracer_, origin, 2 * pi * random(vertex, kResultTurns), row,
-                                 Stop::WhereSolved, masks_of(vertex));
+                                 Stop::WhereSolved, masks);
     std::array<double, sh::coeff_count(kMaxRowBands)> exact;
     unoccluded_transport(row_bands_, origin.normal, exact);
     for (std::size_t i = 0; i < row.size(); ++i) row[i] = static_cast<float>(exact[i]);
@@ -323,15 +330,20 @@ Expected<DiffuseReport> DiffuseBake::run(
             const std::size_t first = begin + block * kBlock;
             const std::size_t end = std::min(first + kBlock, begin + size);
             std::uint64_t rays = 0;
+            double squares = 0;
             for (std::size_t v = first; v < end; ++v) {
                 if (points_.representative(v) == SurfacePoints::kNone) {
                     std::fill(row(v).begin(), row(v).end(), 0.0f);
                 } else if (!is_copy(v) || is_repeated(v)) {
-                    traced[v - begin] = bake_row(points_.representative(v), row(v));
+                    const auto masks = is_copy(v) ? std::span<std::uint16_t>()
+                                                  : masks_of(static_cast<std::uint32_t>(v));
+                    traced[v - begin] = bake_row(points_.representative(v), row(v), masks);
                     rays += static_cast<std::uint64_t>(traced[v - begin].rays);
+                    squares += copies_[v] * square_error(error_, traced[v - begin]);
                 }
             }
             progress.add(end - first, rays);
+            if (job_.shadowed) progress.add_error(squares, end - first);
         });
         for (std::size_t v = begin; v < begin + size; ++v) {
             const Traced& t = traced[v - begin];

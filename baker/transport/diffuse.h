@@ -17,6 +17,8 @@
 
 namespace envbake {
 
+inline constexpr int kMaxRays = 1 << 18;  ///< of a vertex
+
 struct DiffuseJob {
     int bands = 5;            ///< 1 .. 10; of the error, and of what the rays are chosen for
     int row_bands = 0;        ///< bands of a row, bands .. 11; 0: as many as `bands`

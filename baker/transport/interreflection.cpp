@@ -34,46 +34,52 @@ constexpr double kApart = 0.8;
 /// The error falls with the number of rays N as N^-kRaysExponent.
 constexpr double kRaysExponent = 0.7;
 constexpr int kMostBounces = 1000;
+constexpr double kPad = 0.5;  ///< Growth::pad over the rms of the bounce before
 /// T_00 / Y_00 of an open place is 1 but for rounding.
 constexpr double kLeastBlocked = 1e-6;
 
-/// Something that light carries, of one channel: a coefficient, or emission.
+/// Something that light carries, of one channel: a coefficient, or emission. Or what survives of
+/// any light.
 struct Column {
-    std::size_t coeff;  ///< kEmission: no coefficient
+    std::size_t coeff;  ///< kEmission, kSurvival: no coefficient
     std::size_t channel;
     static constexpr std::size_t kEmission = static_cast<std::size_t>(-1);
+    static constexpr std::size_t kSurvival = static_cast<std::size_t>(-2);
 };
 
 double square(double x) {
     return x * x;
 }
 
-/// What one more bounce tells of the columns that are nowhere negative.
+/// What one more bounce tells of the columns that are nowhere negative. With t the bounce before
+/// and w = t + pad, A w <= s w everywhere: the pad keeps places out of s that light hardly reaches
+/// or reaches late.
 struct Growth {
-    static constexpr std::size_t kMost = 4;  ///< columns: T_00 and three of emission
-    std::array<double, kMost> ratio{};       ///< max over places of next / term
-    std::array<double, kMost> largest{};     ///< of next
-    std::array<double, kMost> squares{};     ///< sum of next^2
-    std::array<double, kMost> signal{};      ///< sum of sum^2
+    static constexpr std::size_t kMost = 5;  ///< columns: survival, T_00 and three of emission
+    std::array<double, kMost> pad{};
+    std::array<double, kMost> s{};
+    std::array<double, kMost> largest{};       ///< of next = A t
+    std::array<double, kMost> next_squares{};  ///< sums over places
+    std::array<double, kMost> sum_squares{};   ///< of all that was added
 
+    void add(std::size_t k, double term, double next, double sum, double reflectance) {
+        largest[k] = std::max(largest[k], next);
+        next_squares[k] += square(next);
+        sum_squares[k] += square(sum);
+        const double of_w = next + pad[k] * reflectance;
+        if (of_w > 0) s[k] = std::max(s[k], of_w / (term + pad[k]));
+    }
     void append(const Growth& other) {
         for (std::size_t k = 0; k < kMost; ++k) {
-            ratio[k] = std::max(ratio[k], other.ratio[k]);
+            s[k] = std::max(s[k], other.s[k]);
             largest[k] = std::max(largest[k], other.largest[k]);
-            squares[k] += other.squares[k];
-            signal[k] += other.signal[k];
+            next_squares[k] += other.next_squares[k];
+            sum_squares[k] += other.sum_squares[k];
         }
     }
-    /// Bound on the rms of all that comes after `next`.
-    ///   q  largest row sum of A
-    double tail(std::size_t k, double count, double q) const {
-        if (squares[k] == 0) return 0;
-        const double s = ratio[k];  // inf where light comes for the first time
-        const double by_ratio = s < 1 ? std::sqrt(squares[k] / count) * s / (1 - s) : HUGE_VAL;
-        const double by_row_sum = q < 1 ? largest[k] * q / (1 - q) : HUGE_VAL;
-        return std::min(by_ratio, by_row_sum);
-    }
 };
+
+using Of = SeenSurfaces::Of;
 
 class Interreflection {
   public:
@@ -114,9 +120,13 @@ class Interreflection {
     double choose_stride();
     std::vector<Column> columns_of(std::size_t channel) const;
     void load(std::span<const Column> columns, std::vector<Float16>& lanes);
+    void measure_reflectance(std::size_t channel);
+    double tail(const Growth& growth, std::size_t k, double source) const;
     int series(std::size_t channel, std::span<const Column> columns, int bounce_count,
                std::size_t tested, const std::function<bool(const Growth&)>& ends,
                std::vector<Float16>& sum);
+    void add_last_bounce(std::size_t channel, std::span<const Column> columns,
+                         std::span<const Float16> sum);
     void judge(std::size_t channel, std::span<const Column> columns, std::span<const Float16> sum);
     void solve(std::size_t channel);
     void fill_copies();
@@ -134,6 +144,8 @@ class Interreflection {
     double emitted_error_ = 0, emitted_signal_ = 0;
     std::optional<SeenSurfaces> seen_;   ///< by all places
     std::optional<SeenSurfaces> again_;  ///< by the sample, with other rays
+    std::vector<float> reflectance_;     ///< A 1, of one channel
+    double reflectance_rms_ = 0, largest_reflectance_ = 0;
     BounceReport report_;
 };
 
@@ -174,7 +186,7 @@ double Interreflection::growth_of_error(const SeenSurfaces& of_sample) const {
     double sum = 0, count = 0;
     for (std::size_t c = 0; c < channels_; ++c)
         for (std::size_t i = 0; i < of_sample.row_count(); ++i, ++count)
-            sum += square(of_sample.reflectance(i, static_cast<int>(c)));
+            sum += square(of_sample.reflectance(i, static_cast<int>(c), Of::All));
     return 1 + (job_.bounces == 1 ? 0 : sum / count);
 }
 
@@ -193,8 +205,8 @@ double Interreflection::error_at(double stride) {
                 columns.push_back({i, c});
             load(columns, lanes);
             for (std::size_t i = 0; i < sample_.size(); ++i) {
-                const Float16 difference =
-                    first.reflected(i, channel, lanes) - second.reflected(i, channel, lanes);
+                const Float16 difference = first.reflected(i, channel, lanes, Of::All) -
+                                           second.reflected(i, channel, lanes, Of::All);
                 for (std::size_t k = 0; k < columns.size(); ++k)
                     squares += square(static_cast<double>(difference[k])) / 2;
             }
@@ -220,9 +232,10 @@ double Interreflection::choose_stride() {
     return stride;
 }
 
-/// Those that nothing makes negative come first: they tell when the series may end.
+/// Those that nothing makes negative come first: they tell when the series may end. Survival
+/// begins as A 1, so after k bounces it is A^{k+1} 1.
 std::vector<Column> Interreflection::columns_of(std::size_t channel) const {
-    std::vector<Column> columns{{0, channel}};
+    std::vector<Column> columns{{Column::kSurvival, channel}, {0, channel}};
     if (job_.emission) {
         for (std::size_t c = 0; c < 3; ++c)
             if (channels_ == 1 || c == channel) columns.push_back({Column::kEmission, c});
@@ -236,13 +249,40 @@ void Interreflection::load(std::span<const Column> columns, std::vector<Float16>
     parallel_for((lanes.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
         const std::size_t end = std::min((block + 1) * kBlock, lanes.size());
         for (std::size_t p = block * kBlock; p < end; ++p)
-            for (std::size_t k = 0; k < columns.size(); ++k) lanes[p][k] = *value_at(p, columns[k]);
+            for (std::size_t k = 0; k < columns.size(); ++k)
+                lanes[p][k] = columns[k].coeff == Column::kSurvival ? reflectance_[p]
+                                                                    : *value_at(p, columns[k]);
     });
 }
 
-/// The sum of the series in sixteen columns, over places.
-///   bounce_count  it goes on for so many, at most
+void Interreflection::measure_reflectance(std::size_t channel) {
+    reflectance_.resize(places_.places.size());
+    double squares = 0;
+    largest_reflectance_ = 0;
+    for (std::size_t p = 0; p < reflectance_.size(); ++p) {
+        const double reflectance = seen_->reflectance(p, static_cast<int>(channel), Of::Few);
+        reflectance_[p] = static_cast<float>(reflectance);
+        squares += square(reflectance);
+        largest_reflectance_ = std::max(largest_reflectance_, reflectance);
+    }
+    reflectance_rms_ = std::sqrt(squares / static_cast<double>(reflectance_.size()));
+}
+
+/// Bound on the rms over places of all bounces that come after the last one.
+///   source  the column without any bounce is nowhere more than this times 1 - A 1
+double Interreflection::tail(const Growth& growth, std::size_t k, double source) const {
+    const auto rms = [&](std::size_t column) {
+        return std::sqrt(growth.next_squares[column] / static_cast<double>(places_.places.size()));
+    };
+    const double s = growth.s[k], q = largest_reflectance_;
+    return std::min({s < 1 ? s / (1 - s) * (rms(k) + growth.pad[k] * reflectance_rms_) : HUGE_VAL,
+                     q < 1 ? q / (1 - q) * growth.largest[k] : HUGE_VAL, source * rms(0)});
+}
+
+/// All bounces but the last, by few points, in sixteen columns; returns their number with the last.
+///   bounce_count  at most
 ///   ends          is told after each bounce how the first `tested` columns grow, and ends it
+///   sum           [places], with what comes directly
 int Interreflection::series(std::size_t channel, std::span<const Column> columns, int bounce_count,
                             std::size_t tested, const std::function<bool(const Growth&)>& ends,
                             std::vector<Float16>& sum) {
@@ -253,29 +293,27 @@ int Interreflection::series(std::size_t channel, std::span<const Column> columns
     std::vector<Growth> growths((term.size() + kBlock - 1) / kBlock);
     report_.memory_bytes =
         std::max(report_.memory_bytes, seen_->bytes() + 3 * term.size() * sizeof(Float16));
+    std::array<double, Growth::kMost> pad{};
     for (int bounce = 1; bounce <= bounce_count; ++bounce) {
         parallel_for(growths.size(), [&](std::size_t block) {
-            Growth growth;
+            Growth growth{.pad = pad};
             const std::size_t end = std::min((block + 1) * kBlock, term.size());
             for (std::size_t p = block * kBlock; p < end; ++p) {
-                next[p] = seen_->reflected(p, static_cast<int>(channel), term);
-                sum[p] += next[p];
-                for (std::size_t k = 0; k < tested; ++k) {
-                    const double now = static_cast<double>(next[p][k]);
-                    growth.largest[k] = std::max(growth.largest[k], now);
-                    growth.squares[k] += square(now);
-                    growth.signal[k] += square(static_cast<double>(sum[p][k]));
-                    if (now > 0)
-                        growth.ratio[k] =
-                            std::max(growth.ratio[k], now / static_cast<double>(term[p][k]));
-                }
+                if (bounce > 1) sum[p] += term[p];
+                next[p] = seen_->reflected(p, static_cast<int>(channel), term, Of::Few);
+                for (std::size_t k = 0; k < tested; ++k)
+                    growth.add(k, static_cast<double>(term[p][k]), static_cast<double>(next[p][k]),
+                               static_cast<double>(sum[p][k]),
+                               static_cast<double>(reflectance_[p]));
             }
             growths[block] = growth;
         });
         std::swap(term, next);
-        Growth growth;
+        Growth growth{.pad = pad};
         for (const Growth& of_block : growths) growth.append(of_block);
         if (ends(growth)) return bounce;
+        for (std::size_t k = 0; k < tested; ++k)
+            pad[k] = kPad * std::sqrt(growth.next_squares[k] / static_cast<double>(term.size()));
     }
     return bounce_count;
 }
@@ -286,9 +324,10 @@ void Interreflection::judge(std::size_t channel, std::span<const Column> columns
                             std::span<const Float16> sum) {
     for (std::size_t i = 0; i < sample_.size(); ++i) {
         const std::uint32_t p = sample_[i];
-        const Float16 difference = seen_->reflected(p, static_cast<int>(channel), sum) -
-                                   again_->reflected(i, static_cast<int>(channel), sum);
+        const Float16 difference = seen_->reflected(p, static_cast<int>(channel), sum, Of::All) -
+                                   again_->reflected(i, static_cast<int>(channel), sum, Of::All);
         for (std::size_t k = 0; k < columns.size(); ++k) {
+            if (columns[k].coeff == Column::kSurvival) continue;
             const double d = static_cast<double>(difference[k]);
             if (columns[k].coeff != Column::kEmission) {
                 square_errors_[i] += square(d) / (2 * static_cast<double>(channels_));
@@ -303,23 +342,42 @@ void Interreflection::judge(std::size_t channel, std::span<const Column> columns
     }
 }
 
+/// Adds the last bounce, by all points. What few points err at the bounces before is met from many
+/// places at once, so hardly any of it arrives.
+void Interreflection::add_last_bounce(std::size_t channel, std::span<const Column> columns,
+                                      std::span<const Float16> sum) {
+    parallel_for((sum.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
+        const std::size_t end = std::min((block + 1) * kBlock, sum.size());
+        for (std::size_t p = block * kBlock; p < end; ++p) {
+            const Float16 last = seen_->reflected(p, static_cast<int>(channel), sum, Of::All);
+            for (std::size_t k = 0; k < columns.size(); ++k)
+                if (columns[k].coeff != Column::kSurvival) *value_at(p, columns[k]) += last[k];
+        }
+    });
+}
+
 /// One channel, sixteen columns at a time. The first sixteen tell the number of bounces.
 void Interreflection::solve(std::size_t channel) {
     const std::vector<Column> columns = columns_of(channel);
-    const std::size_t tested = job_.emission ? (channels_ == 1 ? 4 : 2) : 1;
-    double q = 0;
+    const std::size_t tested = 2 + (job_.emission ? (channels_ == 1 ? 3 : 1) : 0);
+    measure_reflectance(channel);
+    std::array<double, Growth::kMost> source{};
     for (std::size_t p = 0; p < places_.places.size(); ++p)
-        q = std::max(q, seen_->reflectance(p, static_cast<int>(channel)));
+        for (std::size_t k = 1; k < tested; ++k)
+            if (const double light = static_cast<double>(*value_at(p, columns[k])); light > 0)
+                source[k] = std::max(
+                    source[k], light / std::max(1 - static_cast<double>(reflectance_[p]), 0.0));
     const auto count = static_cast<double>(places_.places.size());
     const double norm = unoccluded_norm(job_.bands);
     double left_out = 0, shrink = 0;
     const auto ends = [&](const Growth& growth) {
-        left_out = job_.bands * growth.tail(0, count, q) / norm;
-        shrink = std::min(growth.ratio[0], q);
+        left_out = job_.bands * tail(growth, 1, source[1]) / norm;
+        shrink = std::min(growth.s[1], largest_reflectance_);
         bool small = left_out <= kLeftOutShare * job_.tolerance;
-        for (std::size_t k = 1; k < tested; ++k)
-            small = small && growth.tail(k, count, q) <= kLeftOutShare * job_.tolerance *
-                                                             std::sqrt(growth.signal[k] / count);
+        for (std::size_t k = 2; k < tested; ++k)
+            small = small &&
+                    tail(growth, k, source[k]) <=
+                        kLeftOutShare * job_.tolerance * std::sqrt(growth.sum_squares[k] / count);
         return small;
     };
     int bounces = std::min(job_.bounces, kMostBounces);
@@ -333,8 +391,7 @@ void Interreflection::solve(std::size_t channel) {
             series(
                 channel, some, bounces, 0, [](const Growth&) { return false; }, sum);
         judge(channel, some, sum);
-        for (std::size_t p = 0; p < sum.size(); ++p)
-            for (std::size_t k = 0; k < some.size(); ++k) *value_at(p, some[k]) = sum[p][k];
+        add_last_bounce(channel, some, sum);
     }
     report_.bounces = std::max(report_.bounces, bounces);
     report_.left_out = std::max(report_.left_out, left_out);

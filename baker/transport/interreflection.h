@@ -50,10 +50,10 @@ struct BounceReport {
     std::uint64_t black_back_count = 0;  ///< of those, on backs of single-sided materials
     std::size_t memory_bytes = 0;        ///< largest, beside the transport itself
 
-    double error_rms = 0;          ///< of the few rays
-    double error_p999 = 0;         ///< 99.9th percentile over vertices
-    double shrink = 0;             ///< each further bounce is at most this times the one before
-    double left_out = 0;           ///< bound on the rms of all bounces that were not added
+    double error_rms = 0;   ///< of the few rays
+    double error_p999 = 0;  ///< 99.9th percentile over vertices
+    double shrink = 0;    ///< each further bounce, and a pad, are at most this times the one before
+    double left_out = 0;  ///< bound on the rms of all bounces that were not added
     double emitted_error_rms = 0;  ///< of the few rays, over the rms of what is emitted
 };
 
@@ -70,10 +70,18 @@ struct BounceReport {
 /// the vertices tells how many, and, with other rays, what they err. What lamps send is not left to
 /// those rays (Lamps).
 ///
-/// The series ends after job.bounces, or where what is left out is bounded below a fiftieth of the
-/// tolerance: A has no negative entry, so where the last term t satisfies A t <= s t everywhere,
-/// all further ones are at most s / (1 - s) t. T_00 is nowhere negative, and |T|_2 <= bands T_00.
-/// For the largest row sum q of A, the same holds in the maximum norm with q.
+/// The series ends after job.bounces, or where what is left out is bounded below 3 % of the
+/// tolerance. A has no negative entry, T_00 is nowhere negative, and |T|_2 <= bands T_00. With t
+/// the last bounce but one, the least of three holds for the rms of all after A t:
+///
+/// - where A w <= s w everywhere for w = t + pad, a constant: s / (1 - s) A w. The pad keeps places
+///   out of s that light reaches late, or hardly;
+/// - q / (1 - q) max A t, q the largest row sum of A;
+/// - Y_00 A^{k+1} 1 after k bounces: T_direct is at most Y_00 (1 - A 1), for a place reflects no
+///   more than what its blocked directions send, so (1 - A)^{-1} T_direct is at most Y_00.
+///
+/// Bounces before the last are by some of the points only; the last one, by all of them, looks at
+/// so many places that hardly any of what that errs is left.
 ///
 ///   blocked    one a mesh, as bake_diffuse() fills it
 ///   transport  one a mesh; rows hold T_direct, the same in every channel, and T afterwards

@@ -242,11 +242,21 @@ std::size_t SeenSurfaces::bytes() const {
            row_count() * (sizeof(float) + sizeof(Vec3));
 }
 
-Float16 SeenSurfaces::reflected(std::size_t index, int channel,
-                                std::span<const Float16> columns) const {
+SeenSurfaces::Chosen SeenSurfaces::choose(std::size_t row, std::size_t point_count, Of of) {
+    constexpr std::size_t kFewest = 8, kLongestStep = 3;
+    const std::size_t step =
+        of == Of::All ? 1 : std::clamp(point_count / kFewest, std::size_t{1}, kLongestStep);
+    const std::size_t first = row % step;
+    return {first, step, (point_count - first + step - 1) / step};
+}
+
+Float16 SeenSurfaces::reflected(std::size_t index, int channel, std::span<const Float16> columns,
+                                Of of) const {
     const std::span<const Point> points = row(index);
+    const Chosen chosen = choose(index, points.size(), of);
     Float16 sum{};
-    for (const Point& point : points) {
+    for (std::size_t i = chosen.first; i < points.size(); i += chosen.step) {
+        const Point& point = points[i];
         if (point.triangle == kBlack) continue;
         const std::array<std::uint32_t, 3>& at = corners_[point.triangle];
         const float albedo =
@@ -255,16 +265,18 @@ Float16 SeenSurfaces::reflected(std::size_t index, int channel,
                     v = static_cast<float>(point.v) / kSteps;
         sum += albedo * ((1 - u - v) * columns[at[0]] + u * columns[at[1]] + v * columns[at[2]]);
     }
-    return points.empty() ? sum : sum * (shares_[index] / static_cast<float>(points.size()));
+    return points.empty() ? sum : sum * (shares_[index] / static_cast<float>(chosen.count));
 }
 
-double SeenSurfaces::reflectance(std::size_t index, int channel) const {
+double SeenSurfaces::reflectance(std::size_t index, int channel, Of of) const {
     const std::span<const Point> points = row(index);
     if (points.empty()) return 0;
+    const Chosen chosen = choose(index, points.size(), of);
     double sum = 0;
-    for (const Point& point : points) sum += point.albedo[static_cast<std::size_t>(channel)];
+    for (std::size_t i = chosen.first; i < points.size(); i += chosen.step)
+        sum += points[i].albedo[static_cast<std::size_t>(channel)];
     return static_cast<double>(shares_[index]) * sum /
-           (static_cast<double>(kSteps) * static_cast<double>(points.size()));
+           (static_cast<double>(kSteps) * static_cast<double>(chosen.count));
 }
 
 }  // namespace envbake

@@ -79,11 +79,16 @@ class SeenSurfaces {
     std::uint64_t black_back_count() const { return black_back_count_; }
     std::size_t bytes() const;
 
+    /// Those of a place's points that are asked.
+    enum class Of {
+        All,
+        Few  ///< every second or third, where eight are left
+    };
     /// B of one row for sixteen columns of T.
     ///   columns  [places]
-    Float16 reflected(std::size_t row, int channel, std::span<const Float16> columns) const;
+    Float16 reflected(std::size_t row, int channel, std::span<const Float16> columns, Of of) const;
     /// F times the mean albedo: B for T = 1.
-    double reflectance(std::size_t row, int channel) const;
+    double reflectance(std::size_t row, int channel, Of of) const;
     /// Light of the surfaces that shine, 1/pi integral of L_e max(0, n.w) dw: by lamps, or F times
     /// the mean of what the points emit. W sr^-1 m^-2.
     const Vec3& emitted(std::size_t row) const { return emitted_[row]; }
@@ -103,6 +108,12 @@ class SeenSurfaces {
         const std::size_t k = index % kBlock;
         return std::span(block.points).subspan(block.first[k], block.first[k + 1] - block.first[k]);
     }
+
+    /// Every step-th from the first one on.
+    struct Chosen {
+        std::size_t first = 0, step = 1, count = 0;
+    };
+    static Chosen choose(std::size_t row, std::size_t point_count, Of of);
 
     std::span<const std::array<std::uint32_t, 3>> corners_;
     std::vector<float> shares_;

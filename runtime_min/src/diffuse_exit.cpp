@@ -105,10 +105,6 @@ std::uint32_t cluster_of(const TransportView& transport, std::uint64_t vertex) {
     return cluster < transport.basis.cluster_count ? cluster : 0;
 }
 
-RowLight light_on(const ClusterBasisView& basis, const ShLightingView& lighting) {
-    return {basis.bands, basis.channels, lighting, nullptr};
-}
-
 /// The rows of a cluster under a light, as weights meet them: the colour of the first row, then for
 /// every eight weights their factors for red, for green and for blue, 0 where there is no weight.
 class ProjectedClusters {
@@ -273,7 +269,7 @@ void project_light(const ClusterBasisView& basis, const ShLightingView& lighting
                    std::span<float> projected) noexcept {
     if (basis.cluster_count == 0 || projected.size() != projected_size(basis)) return;
     const ProjectedClusters clusters(basis);
-    const RowLight light = light_on(basis, lighting);
+    const RowLight light(basis.bands, basis.channels, lighting, nullptr);
     for (std::uint32_t cluster = 0; cluster < basis.cluster_count; ++cluster) {
         clusters.project(basis, light, cluster, &projected[cluster * clusters.cluster_size()]);
     }

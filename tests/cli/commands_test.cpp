@@ -430,6 +430,10 @@ TEST_F(Commands, ProgressAsJsonIsOneObjectALine) {
     EXPECT_EQ(last["total"], 29);
     EXPECT_EQ(last["done"], last["total"]);
     EXPECT_EQ(last["rays"], dump()["metadata"]["meshes"][0]["diffuse"]["rays"]);
+    // The bundle states the same, with two standard errors more.
+    const double stated = dump()["metadata"]["meshes"][0]["diffuse"]["error_rms"];
+    EXPECT_LT(last["error"], stated);
+    EXPECT_GT(last["error"], stated / 4);
     EXPECT_GT(last["seconds"], 0);
     EXPECT_EQ(last["seconds_left"], 0);
     EXPECT_EQ(envbake(bake_arguments({"--force", "--quiet", "--progress", "json"})).err, "");

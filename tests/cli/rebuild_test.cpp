@@ -18,13 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using Arguments = std::vector<std::string>;
-
-Arguments operator+(Arguments a, const Arguments& b) {
-    a.insert(a.end(), b.begin(), b.end());
-    return a;
-}
-
 /// With an option given, or given otherwise.
 Arguments changed(Arguments arguments, const Arguments& option) {
     const auto at = std::find(arguments.begin(), arguments.end(), option.front());
@@ -39,24 +32,7 @@ class Rebuild : public ::testing::Test {
         scene_ = write_small_scene(folder_.path(), "scene").string();
         sky_ = write_small_sky(folder_ / "sky.hdr").string();
         other_sky_ = write_small_sky(folder_ / "other.hdr", 3).string();
-        two_ = write_two_meshes("two").string();
-    }
-
-    /// The small scene, and itself once more above it.
-    fs::path write_two_meshes(const std::string& name, const std::string& material = "") {
-        write_small_scene(folder_.path(), name);
-        const fs::path file = folder_ / (name + ".gltf");
-        std::string text = read_file(file);
-        const auto replace = [&](const std::string& from, const std::string& to) {
-            const auto at = text.find(from);
-            ASSERT_NE(at, std::string::npos) << from;
-            text.replace(at, from.size(), to);
-        };
-        replace(R"("scenes":[{"nodes":[0]}])", R"("scenes":[{"nodes":[0,1]}])");
-        replace(R"("nodes":[{)", R"("nodes":[{"mesh":0,"name":"above","translation":[0.5,2,0]},{)");
-        replace(R"({"name":"clay",)", R"({"name":"clay","doubleSided":true,)" + material);
-        write_file(file, text);
-        return file;
+        two_ = write_two_meshes(folder_.path(), "two", 4, kTwoSides).string();
     }
 
     struct Result {
@@ -99,6 +75,7 @@ class Rebuild : public ::testing::Test {
         return over;
     }
 
+    const std::string kTwoSides = R"("doubleSided":true,)";
     TemporaryFolder folder_;
     std::string scene_, sky_, other_sky_, two_;
     const Arguments small_{"--mip-size", "16", "--mip-count", "3", "--table-size", "16"};
@@ -109,6 +86,7 @@ using Names = std::set<std::string>;
 // What every bake makes anew is a by-product of reading the environment.
 const Names kOfFacts{"environment/sh"};
 
+using test::operator+;  // not hidden by the next
 Names operator+(Names a, const Names& b) {
     a.insert(b.begin(), b.end());
     return a;
@@ -191,7 +169,9 @@ TEST_F(Rebuild, AMeshThatIsLeftOutLeavesTheOthersAlone) {
 // Every kind of transport, read back for the answers of the self-test.
 TEST_F(Rebuild, AnotherEnvironmentOverEveryKindOfTransport) {
     const std::string shining =
-        write_two_meshes("shining", R"("emissiveFactor":[0.5,0.25,0.125],)").string();
+        write_two_meshes(folder_.path(), "shining", 4,
+                         kTwoSides + R"("emissiveFactor":[0.5,0.25,0.125],)")
+            .string();
     struct Case {
         std::string scene;
         Arguments options;

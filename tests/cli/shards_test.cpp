@@ -16,36 +16,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using Arguments = std::vector<std::string>;
-
-Arguments operator+(Arguments a, const Arguments& b) {
-    a.insert(a.end(), b.begin(), b.end());
-    return a;
-}
-
 class Shards : public ::testing::Test {
   protected:
     /// Of 965 vertices: four blocks that work is cut into, the last one short.
     void SetUp() override {
         scene_ = write_small_scene(folder_.path(), "scene", 30).string();
         sky_ = write_small_sky(folder_ / "sky.hdr").string();
-        two_ = write_two_meshes();
-    }
-
-    /// The scene, and itself once more above it, of a material that shines a little.
-    std::string write_two_meshes() {
-        const fs::path file = write_small_scene(folder_.path(), "two", 30);
-        std::string text = read_file(file);
-        const auto replace = [&](const std::string& from, const std::string& to) {
-            const auto at = text.find(from);
-            ASSERT_NE(at, std::string::npos) << from;
-            text.replace(at, from.size(), to);
-        };
-        replace(R"("scenes":[{"nodes":[0]}])", R"("scenes":[{"nodes":[0,1]}])");
-        replace(R"("nodes":[{)", R"("nodes":[{"mesh":0,"name":"above","translation":[0.5,2,0]},{)");
-        replace(R"({"name":"clay",)", R"({"name":"clay","emissiveFactor":[0.5,0.25,0.125],)");
-        write_file(file, text);
-        return file.string();
+        two_ = write_two_meshes(folder_.path(), "two", 30, kShines).string();
     }
 
     fs::path shard_file(int index) const { return folder_ / concat_name(index); }
@@ -65,10 +42,10 @@ class Shards : public ::testing::Test {
         for (int i = 1; i <= count; ++i) files.push_back(shard_file(i).string());
         return files;
     }
-    std::string merged(const Arguments& files) {
+    std::string merged(const Arguments& files, const Arguments& scene = {}) {
         const fs::path output = folder_ / "merged.envb";
         fs::remove(output);
-        run(Arguments{"merge"} + files + Arguments{"-o", output.string(), "-q"});
+        run(Arguments{"merge"} + files + Arguments{"-o", output.string(), "-q"} + scene);
         return read_file(output);
     }
     std::string whole(const Arguments& arguments) {
@@ -88,6 +65,7 @@ class Shards : public ::testing::Test {
         return outcome.err;
     }
 
+    static constexpr const char* kShines = R"("emissiveFactor":[0.5,0.25,0.125],)";
     TemporaryFolder folder_;
     std::string scene_, two_, sky_;
     const Arguments small_{"--mip-size", "16", "--mip-count", "3", "--table-size", "16"};
@@ -111,6 +89,8 @@ TEST_F(Shards, MergedTheyAreTheBytesOfOneBake) {
              {7, lit + Arguments{"--encoding", "auto", "--no-receive", "above"}},
              {3, lit + Arguments{"--wavelet", "16"}},
              {20, {scene_, "--rays", "48"}},
+             {3, lit + Arguments{"--bounces", "all"}},
+             {4, lit + Arguments{"--bounces", "2", "--glossy", "all", "--encoding", "unorm8"}},
              {3, Arguments{"--env", sky_, "--wavelet", "16", "--mip-layout", "lat-long"} + small_},
          }) {
         SCOPED_TRACE(std::to_string(count) + " of " + arguments.front() + " ... " +
@@ -119,8 +99,32 @@ TEST_F(Shards, MergedTheyAreTheBytesOfOneBake) {
         Arguments files = shard_files(count);
         std::rotate(files.begin(), files.begin() + (count + 1) / 2, files.end());
         std::reverse(files.begin(), files.begin() + count / 2);
-        EXPECT_TRUE(merged(files) == whole(arguments)) << "the bytes differ";
+        const bool bounces = std::count(arguments.begin(), arguments.end(), "--bounces") > 0;
+        const Arguments scene = bounces ? Arguments{"--scene", arguments.front()} : Arguments{};
+        EXPECT_TRUE(merged(files, scene) == whole(arguments)) << "the bytes differ";
     }
+}
+
+TEST_F(Shards, BouncesNeedTheSceneThatThePartsWereBakedFrom) {
+    const Arguments arguments{two_, "--rays", "48", "--bounces", "1"};
+    for (int i = 1; i <= 2; ++i) bake_shard(arguments, i, 2);
+    const Arguments files = shard_files(2);
+    EXPECT_NE(refused(files, 2).find("--scene"), std::string::npos);
+    EXPECT_NE(refused(files + Arguments{"--scene", scene_}, 3).find("is not the scene"),
+              std::string::npos);
+    refused(files + Arguments{"--scene", (folder_ / "nowhere.gltf").string()}, 1);
+    // A file that it refers to.
+    const fs::path geometry = fs::path(two_).replace_extension(".bin");
+    const std::string bytes = read_file(geometry);
+    std::string changed = bytes;
+    changed[2] ^= 1;
+    write_file(geometry, changed);
+    EXPECT_NE(refused(files + Arguments{"--scene", two_}, 3).find("has changed"),
+              std::string::npos);
+    write_file(geometry, bytes);
+    EXPECT_TRUE(merged(files, {"--scene", two_}) == whole(arguments));
+    EXPECT_EQ(envbake(Arguments{"merge"} + files + Arguments{"--scene", two_, "-o", two_}).status,
+              2);
 }
 
 TEST_F(Shards, APartIsKnownForWhatItIs) {

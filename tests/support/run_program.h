@@ -15,6 +15,13 @@
 
 namespace envbake::test {
 
+using Arguments = std::vector<std::string>;
+
+inline Arguments operator+(Arguments a, const Arguments& b) {
+    a.insert(a.end(), b.begin(), b.end());
+    return a;
+}
+
 struct Outcome {
     int status = -1;  ///< exit status, or 128 + the signal that ended it
     std::string out, err;

@@ -59,6 +59,23 @@ inline std::filesystem::path write_small_scene(const std::filesystem::path& fold
     return folder / (name + ".gltf");
 }
 
+/// The small scene, and itself once more above it.
+///   material  members of the material: R"("doubleSided":true,)"
+inline std::filesystem::path write_two_meshes(const std::filesystem::path& folder,
+                                              const std::string& name, int n,
+                                              const std::string& material) {
+    const std::filesystem::path file = write_small_scene(folder, name, n);
+    std::string text = read_file(file);
+    const auto replace = [&](const std::string& from, const std::string& to) {
+        text.replace(text.find(from), from.size(), to);
+    };
+    replace(R"("scenes":[{"nodes":[0]}])", R"("scenes":[{"nodes":[0,1]}])");
+    replace(R"("nodes":[{)", R"("nodes":[{"mesh":0,"name":"above","translation":[0.5,2,0]},{)");
+    replace(R"({"name":"clay",)", R"({"name":"clay",)" + material);
+    write_file(file, text);
+    return file;
+}
+
 /// Writes a 32 x 16 grey sky with a bright, yellowish texel high in the +X half. `level` is a whole
 /// number of 1 to 255, but not 2: a row that begins with 2, 2 would be read as run-length encoded.
 inline std::filesystem::path write_small_sky(const std::filesystem::path& file, float level = 1) {
