@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "baker/core/text.h"
 #include "baker/pipeline/shard.h"
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 #include <utility>
 
 namespace envbake {
@@ -24,9 +22,6 @@ bool within(double value, double most) {
 bool is_finite(const DVec3& v) {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
-bool may_be_printed(const std::string& text) {
-    return printable(text) == text;
-}
 
 bool is_sound(const BakeRequest& request) {
     return !request.distributions.empty() && request.distributions.size() <= 2 &&
@@ -40,8 +35,7 @@ bool is_sound(const BakeRequest& request) {
 }
 
 bool is_sound(const MaterialFacts& material) {
-    return may_be_printed(material.name) &&
-           within(material.min_roughness, material.max_roughness) &&
+    return within(material.min_roughness, material.max_roughness) &&
            within(material.max_roughness, 1) && within(material.max_r0, 1) &&
            within(material.max_diffuse_albedo, 1) && material.max_emission >= 0 &&
            std::isfinite(material.max_emission);
@@ -64,14 +58,14 @@ bool is_sound(const EnvironmentFacts& environment, const BakeInputs& inputs, int
     // Radiance is that of floats: no sum over a sphere of them is near this.
     constexpr double kMost = 1e45;
     const LightFacts& lights = environment.lights;
-    const auto sound_light = [](const DominantLight& light) {
+    const auto sound_light = [=](const DominantLight& light) {
         return is_finite(light.direction) && is_finite(light.irradiance) &&
                within(light.angular_radius, 4) && within(light.solid_angle, 13) &&
-               within(light.share, 1 + 1e-9);
+               within(light.share, kMost);
     };
     return within(environment.mean, kMost) && within(environment.peak, kMost) &&
-           within(environment.contrast, kMost) && within(lights.share, 1 + 1e-9) &&
-           within(lights.strongest_share, 1 + 1e-9) && within(environment.sh_shadow_loss, kMost) &&
+           within(environment.contrast, kMost) && within(lights.share, kMost) &&
+           within(lights.strongest_share, kMost) && within(environment.sh_shadow_loss, kMost) &&
            environment.band_energy.size() == static_cast<std::size_t>(bands) &&
            std::all_of(environment.band_energy.begin(), environment.band_energy.end(),
                        [](double energy) { return within(energy, 1e90); }) &&
@@ -112,13 +106,10 @@ Expected<BakePlan> plan_of_shards(const Json& shared, const SharedState& state) 
     const Error contradicts{Errc::InvalidBundle,
                             "its metadata contradicts itself; bake this shard again"};
     const BakeInputs& inputs = state.inputs;
-    const bool sound =
-        is_sound(state.request) && is_sound(inputs.facts) &&
-        std::all_of(inputs.files.begin(), inputs.files.end(),
-                    [](const InputFile& file) { return may_be_printed(file.name); }) &&
-        state.request.bands >= 1 && state.request.bands <= 10 &&
-        (!inputs.facts.environment ||
-         is_sound(*inputs.facts.environment, inputs, state.request.bands));
+    const bool sound = is_sound(state.request) && is_sound(inputs.facts) &&
+                       state.request.bands >= 1 && state.request.bands <= 10 &&
+                       (!inputs.facts.environment ||
+                        is_sound(*inputs.facts.environment, inputs, state.request.bands));
     if (!sound) return contradicts;
     auto plan = make_plan(state.request, inputs.facts);
     if (!plan || !is_description(shared, state, *plan)) return contradicts;

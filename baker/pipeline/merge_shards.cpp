@@ -117,6 +117,14 @@ Expected<Scene> read_same_scene(const std::filesystem::path& path, const SharedS
                      concat(path.string(),
                             ": is not the scene that the parts were baked from, or a file that it "
                             "refers to has changed")};
+    // The hashes may be its own where the rest is not.
+    const std::vector<MeshFacts>&seen = inputs.facts.meshes, &told = of_parts.inputs.facts.meshes;
+    if (!std::equal(seen.begin(), seen.end(), told.begin(), told.end(),
+                    [](const MeshFacts& a, const MeshFacts& b) {
+                        return a.vertex_count == b.vertex_count && a.receives == b.receives;
+                    }))
+        return Error{Errc::InvalidBundle,
+                     concat(path.string(), ": has other meshes than its parts; bake them again")};
     return *std::move(inputs.scene);
 }
 

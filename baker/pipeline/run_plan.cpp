@@ -92,7 +92,7 @@ Expected<void> Run::require_finite(std::span<const float> values) const {
     for (const float value : values)
         if (!std::isfinite(value))
             return Error{Errc::InvalidInput,
-                         concat(environment_name(inputs_),
+                         concat(printable(environment_name(inputs_)),
                                 ": too bright: its lighting leaves the range of 32-bit floats; "
                                 "scale the image down")};
     return {};

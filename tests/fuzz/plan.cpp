@@ -2,8 +2,8 @@
 // Any bytes as a scene or an environment, and the plan of a bake of it: by default, and with all
 // that can be asked for. Not among the default targets: it links the whole baker, and starts from
 // what those of scenes and environments have found.
-#include "baker/pipeline/bake.h"
 #include "baker/plan/plan.h"
+#include "baker/pipeline/bake.h"
 #include "tests/fuzz/file_in_memory.h"
 
 #include <cstdio>

@@ -17,6 +17,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace envbake::gltf {
@@ -151,6 +152,20 @@ TEST(Draco, ACountThatNothingBoundsEndsInOneLine) {
         expect_refused(mesh, concat("byte ", at, ": "));
     }
     EXPECT_GT(refused, 0);
+}
+
+// 65 bytes that Draco 1.5 takes more than 14 GB for, if it gets them: the connectivity of a file of
+// version 1.1 states its faces and its symbols in 32 bits each.
+TEST(Draco, AClaimOfGigabytesEndsInOneLine) {
+    Bytes stream;
+    for (const char c : std::string_view("DRACO\1\1")) stream.push_back(static_cast<std::byte>(c));
+    put(stream, std::array<std::uint8_t, 5>{1, 1, 0, 0, 0});    // mesh, edgebreaker, no flags
+    put(stream, std::array<std::uint32_t, 3>{0, 0, 1u << 30});  // new vertices, vertices, faces
+    put(stream, std::uint8_t{0});                               // attributes with their own seams
+    put(stream, std::array<std::uint32_t, 2>{1u << 30, 0});     // symbols, split symbols
+    stream.resize(65);
+    expect_refused(decode_draco(stream, {{"POSITION", 0}}), "65 bytes");
+    EXPECT_TRUE(decode_draco(draco_stream(Soup(), {}), {{"POSITION", 0}}));
 }
 
 /// What the worker leaves of two triangles: a position, and something that glTF has no type for.

@@ -3,6 +3,8 @@
 // in one line and writes nothing, or makes a bundle that opens.
 #include "baker/pipeline/bake.h"
 #include "baker/pipeline/json_text.h"
+#include "baker/pipeline/metadata.h"
+#include "baker/pipeline/shard.h"
 #include "tests/support/small_scene.h"
 
 #include "envbake/format/reader.h"
@@ -272,6 +274,30 @@ TEST_F(ForgedShards, MetadataOfWaveletsAndEncodings) {
     ASSERT_NO_FATAL_FAILURE(bake(2));
     ASSERT_TRUE(merges("as baked"));
     forge_metadata(2 * kStride + 1);
+}
+
+// Facts, description and plan agree on a mesh that the scene does not have.
+TEST_F(ForgedShards, AMeshTooMany) {
+    request_.bounces = 1;
+    ASSERT_NO_FATAL_FAILURE(bake(1));
+    ASSERT_TRUE(merges("as baked"));
+    Arrays part(files_[0]);
+    Json json = part.metadata();
+    Json mesh = json["facts"]["meshes"][0];
+    mesh["receives"] = false;
+    json["facts"]["meshes"].push_back(mesh);
+    json["meshes"].push_back(Json(json["meshes"][0]));
+    const SharedState state = read_shared(json);
+    const auto plan = make_plan(state.request, state.inputs.facts);
+    ASSERT_TRUE(plan) << plan.error();
+    json["plan"] = plan_json(*plan);
+    part.set_metadata(json);
+    part.write(files_[0]);
+    Progress progress;
+    const auto merged = merge_shards(files_, request_.scene, folder_ / "merged.envb", progress);
+    ASSERT_FALSE(merged);
+    EXPECT_EQ(merged.error().code, Errc::InvalidBundle);
+    EXPECT_NE(merged.error().message.find("has other meshes"), std::string::npos) << merged.error();
 }
 
 TEST_F(ForgedShards, Arrays) {
