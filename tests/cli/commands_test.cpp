@@ -115,6 +115,22 @@ TEST_F(Commands, ThreadCountDoesNotChangeAByte) {
     }
 }
 
+// Rays may go another way where they graze an edge, so it is another bake.
+TEST_F(Commands, InstructionsOfTheRaysArePinned) {
+    bake();
+    const std::string best = (folder_ / "best.envb").string();
+    std::filesystem::rename(bundle_, best);
+    bake({"--isa", "sse4.2"});
+    EXPECT_EQ(envbake({"validate", bundle_}).status, 0);
+    EXPECT_EQ(dump()["metadata"]["options"]["isa"], "sse4.2");
+    const json difference = json::parse(envbake({"diff", best, bundle_, "--json"}).out);
+    EXPECT_EQ(difference["metadata"].size(), 2u) << difference;  // the option and a key
+    for (const json& array : difference["arrays"]) EXPECT_LT(array["relative_rms"], 1e-2) << array;
+    const Outcome wrong = envbake(bake_arguments({"--isa", "sse9"}));
+    EXPECT_EQ(wrong.status, 2);
+    EXPECT_NE(wrong.err.find("avx2"), std::string::npos) << wrong.err;
+}
+
 TEST_F(Commands, MemoryDoesNotChangeAByte) {
     bake({"--memory", "1GB"});
     const std::string rich = read_file(bundle_);
