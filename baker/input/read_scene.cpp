@@ -30,9 +30,6 @@ using gltf::Primitive;
 using gltf::Repairs;
 using DMat4 = glm::dmat4;
 
-/// Instances cost a file nothing and a bake everything, so the expanded scene has limits: 64 Mi
-/// vertices (1.6 GB of positions and normals) and as many triangles.
-constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 26;
 constexpr std::uint64_t kMaxIndices = 3 * kMaxVertices;
 
 Error refuse(std::string message) {

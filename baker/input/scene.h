@@ -77,6 +77,10 @@ struct Mesh {
     std::size_t triangle_count() const { return triangles.size() / 3; }
 };
 
+/// Instances cost a file nothing and a bake everything, so the expanded scene has limits: 64 Mi
+/// vertices (1.6 GB of positions and normals) and as many triangles.
+inline constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 26;
+
 /// A glTF file as the stages want it: flat, in world space, checked.
 struct Scene {
     std::string file_name;  ///< without folder

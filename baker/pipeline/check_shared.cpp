@@ -9,9 +9,6 @@ namespace envbake {
 
 namespace {
 
-/// As many as a scene may have.
-constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 26;
-
 template <class Enum>
 bool one_of(Enum value, Enum last) {
     return static_cast<int>(value) >= 0 && static_cast<int>(value) <= static_cast<int>(last);

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any bytes as a bundle: opened, verified, decoded, shaded with, written again. Half of the inputs
 // get their checksums made right, so that what lies behind them is reached.
-#include "envbake/runtime/bundle.h"
+#include "tests/fuzz/require.h"
+
 #include "envbake/format/writer.h"
+#include "envbake/runtime/bundle.h"
 #include "envbake/runtime/glossy.h"
 #include "envbake/runtime/shade.h"
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <new>
 #include <span>
@@ -22,12 +22,7 @@ namespace {
 
 namespace format = envbake::format;
 namespace runtime = envbake::runtime;
-
-void require(bool holds, const char* what) {
-    if (holds) return;
-    std::fprintf(stderr, "%s\n", what);
-    std::abort();
-}
+using envbake::fuzz::require;
 
 void shade(const runtime::Bundle& bundle) {
     float sum = runtime::irradiance(bundle.lighting(), {0, 0, 1})[0];

@@ -4,22 +4,16 @@
 // stream, which is decoded in this process.
 #include "baker/input/gltf_compression.h"
 #include "baker/input/image_worker.h"
+#include "tests/fuzz/require.h"
 
 #include <array>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string_view>
 
 namespace {
 
 using namespace envbake::gltf;
-
-void require(bool holds, const char* what) {
-    if (holds) return;
-    std::fprintf(stderr, "%s\n", what);
-    std::abort();
-}
+using envbake::fuzz::require;
 
 void refused(const envbake::Error& error) {
     require(error.code == envbake::Errc::InvalidInput, "an input that is at fault");

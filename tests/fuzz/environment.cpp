@@ -3,20 +3,14 @@
 // and nowhere negative.
 #include "baker/input/read_environment.h"
 #include "tests/fuzz/file_in_memory.h"
+#include "tests/fuzz/require.h"
 
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 namespace {
 
 using namespace envbake;
-
-void require(bool holds, const char* what) {
-    if (holds) return;
-    std::fprintf(stderr, "%s\n", what);
-    std::abort();
-}
+using envbake::fuzz::require;
 
 std::size_t texel_count(const LatLongGrid& grid) {
     require(grid.theta_edges.size() == static_cast<std::size_t>(grid.height) + 1 &&

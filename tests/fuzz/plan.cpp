@@ -5,20 +5,14 @@
 #include "baker/plan/plan.h"
 #include "baker/pipeline/bake.h"
 #include "tests/fuzz/file_in_memory.h"
+#include "tests/fuzz/require.h"
 
-#include <cstdio>
-#include <cstdlib>
 #include <string_view>
 
 namespace {
 
 using namespace envbake;
-
-void require(bool holds, const char* what) {
-    if (holds) return;
-    std::fprintf(stderr, "%s\n", what);
-    std::abort();
-}
+using envbake::fuzz::require;
 
 BakeRequest everything() {
     BakeRequest all;

@@ -4,21 +4,15 @@
 #include "baker/input/read_scene.h"
 #include "baker/input/sample_texture.h"
 #include "tests/fuzz/file_in_memory.h"
+#include "tests/fuzz/require.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 namespace {
 
 using namespace envbake;
-
-void require(bool holds, const char* what) {
-    if (holds) return;
-    std::fprintf(stderr, "%s\n", what);
-    std::abort();
-}
+using envbake::fuzz::require;
 
 void check(const Scene& scene, const Mesh& mesh) {
     const std::size_t count = mesh.vertex_count();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any arrays, written, read, and written again: what the writer takes comes back, and gives the
 // same bytes twice, by its elements and by its stored bytes.
+#include "tests/fuzz/require.h"
+
 #include "envbake/format/reader.h"
 #include "envbake/format/writer.h"
 
@@ -8,8 +10,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -19,12 +19,7 @@
 namespace {
 
 namespace format = envbake::format;
-
-void require(bool holds, const char* what) {
-    if (holds) return;
-    std::fprintf(stderr, "%s\n", what);
-    std::abort();
-}
+using envbake::fuzz::require;
 
 /// The input, byte after byte; zeros at its end.
 class Bytes {

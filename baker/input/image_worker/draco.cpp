@@ -3,8 +3,7 @@
 
 #include <draco/compression/decode.h>
 
-#include <array>
-#include <cstring>
+#include <memory>
 #include <string>
 #include <utility>
 

@@ -4,6 +4,7 @@
 #include "baker/input/image_worker.h"
 #include "baker/input/read_environment.h"
 #include "tests/support/image_files.h"
+#include "tests/support/sanitized.h"
 
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
@@ -28,13 +29,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
-#elif defined(__has_feature)
-constexpr bool kSanitized = __has_feature(address_sanitizer) || __has_feature(thread_sanitizer);
-#else
-constexpr bool kSanitized = false;
-#endif
+constexpr bool kSanitized = test::kAddressSanitizer || test::kThreadSanitizer;
 
 /// This process, its children, and theirs.
 std::set<pid_t> family() {

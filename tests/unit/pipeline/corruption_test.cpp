@@ -4,6 +4,7 @@
 #include "baker/pipeline/validate.h"
 #include "tests/support/bundle_bytes.h"
 #include "tests/support/counted_new.h"
+#include "tests/support/sanitized.h"
 
 #include "envbake/format/writer.h"
 #include "envbake/runtime/bundle.h"
@@ -27,14 +28,7 @@ namespace fs = std::filesystem;
 
 /// Every byte of an array is damaged; where a sanitizer makes each try some fifty times as long,
 /// every 13th, and all of header and table.
-#ifndef __has_feature
-#define __has_feature(x) 0
-#endif
-#if defined(__SANITIZE_ADDRESS__) || __has_feature(address_sanitizer)
-constexpr std::size_t kArrayStride = 13;
-#else
-constexpr std::size_t kArrayStride = 1;
-#endif
+constexpr std::size_t kArrayStride = test::kAddressSanitizer ? 13 : 1;
 
 /// Memory of exactly the file's size, so that a sanitizer sees one byte too many.
 class Memory {

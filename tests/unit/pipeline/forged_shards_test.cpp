@@ -5,6 +5,7 @@
 #include "baker/pipeline/json_text.h"
 #include "baker/pipeline/metadata.h"
 #include "baker/pipeline/shard.h"
+#include "tests/support/sanitized.h"
 #include "tests/support/small_scene.h"
 
 #include "envbake/format/reader.h"
@@ -27,14 +28,7 @@ namespace fs = std::filesystem;
 
 /// One of so many changes, of some 6,500: a merge takes milliseconds, with sanitizers ten times as
 /// long.
-#ifndef __has_feature
-#define __has_feature(x) 0
-#endif
-#if defined(__SANITIZE_ADDRESS__) || __has_feature(address_sanitizer)
-constexpr std::size_t kStride = 401;
-#else
-constexpr std::size_t kStride = 97;
-#endif
+constexpr std::size_t kStride = test::kAddressSanitizer ? 401 : 97;
 
 /// A bundle in memory, to be changed and written again.
 struct Arrays {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A bake's memory is that of the geometry and its tree, and a budget: rows do not pile up.
 #include "baker/transport/diffuse.h"
+#include "tests/support/sanitized.h"
 #include "tests/unit/trace/shapes.h"
 
 #include <gtest/gtest.h>
@@ -13,13 +14,7 @@
 namespace envbake {
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
-#elif defined(__has_feature)
-constexpr bool kSanitized = __has_feature(address_sanitizer) || __has_feature(thread_sanitizer);
-#else
-constexpr bool kSanitized = false;
-#endif
+constexpr bool kSanitized = test::kAddressSanitizer || test::kThreadSanitizer;
 
 /// Bytes from /proc/self/status: "VmHWM" is the most this process has held, "VmRSS" what it holds.
 /// 0 where the system does not tell.
