@@ -23,7 +23,7 @@ inline double square_root(double x) {
 }
 template <class Vector>
 inline Vector square_root(const Vector& x) {
-    Vector root;
+    Vector root = x;
     for (std::size_t i = 0; i < sizeof(Vector) / sizeof(x[0]); ++i) root[i] = std::sqrt(x[i]);
     return root;
 }

@@ -36,7 +36,7 @@ inline Float16 exponential(const Float16& x) {
 }
 
 inline Double8 exponential(const Double8& x) {
-    Double8 result;
+    Double8 result = x;
     for (int i = 0; i < kDoubleLanes; ++i) result[i] = std::exp(x[i]);
     return result;
 }
