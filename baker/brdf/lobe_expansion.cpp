@@ -318,6 +318,78 @@ Expanded expand(const LobeExpansionJob& job, double roughness) {
     return expanded;
 }
 
+/// Integral over a turn of three factors, each cos(m phi), or sin(-m phi) where m < 0; below 16.
+double around(int first, int second, int third) {
+    constexpr int kNodes = 48;
+    const auto factor = [](int m, double phi) {
+        return m < 0 ? std::sin(-m * phi) : std::cos(m * phi);
+    };
+    double sum = 0;
+    for (int i = 0; i < kNodes; ++i) {
+        const double phi = 2 * pi * i / kNodes;
+        sum += factor(first, phi) * factor(second, phi) * factor(third, phi);
+    }
+    return 2 * pi / kNodes * sum;
+}
+
+/// LobeErrors::of_row: with K_j = sum_k k_jk Y_k the kernel as a function of the direction of
+/// light, sum_km k_jk G_ikm x_m is the integral of K_j Y_i times the row's own function.
+AxialForm error_of_row(const LobeExpansionJob& job, const Expanded& expanded, double r0) {
+    constexpr int kNodes = 11;  // exact: degrees 4 + 6 + 10
+    static const Quadrature rule = gauss_legendre(kNodes);
+    const int exit = job.exit_bands, light = job.light_bands,
+              bands = light + runtime::kExtraVisibilityBands;
+    constexpr int kMaxBands = runtime::kMaxGlossyBands + runtime::kExtraVisibilityBands;
+    constexpr std::size_t kMaxCoeffs = sh::coeff_count(kMaxBands);
+    const auto index = [](int i) { return static_cast<std::size_t>(i); };
+
+    // Y_lm and K_jm in the plane phi = 0.
+    std::array<std::array<double, kMaxCoeffs>, kNodes> basis{}, kernel{};
+    for (std::size_t q = 0; q < kNodes; ++q) {
+        const double z = rule.nodes[q];
+        sh::evaluate(bands, std::sqrt(1 - z * z), 0.0, z, basis[q].data());
+        for (int m = 0; m < exit; ++m)
+            for (int j = m; j < exit; ++j)
+                for (int k = m; k < kLobeBands; ++k) {
+                    const std::size_t at = lobe_slot(exit, kLobeBands, m, j, k);
+                    kernel[q][index(sh::index(j, m))] +=
+                        (r0 * expanded.kernel[0][at] + expanded.kernel[1][at]) *
+                        basis[q][index(sh::index(k, m))];
+                }
+    }
+    AxialForm form{bands, {}};
+    for (int m = 0; m < bands; ++m) {
+        const int size = bands - m;
+        std::vector<double> block(index(size * size), 0), values(index(size));
+        for (int of_exit = 1 - exit; of_exit < exit; ++of_exit) {
+            for (int of_light = 1 - light; of_light < light; ++of_light) {
+                const double turn = around(of_exit, of_light, m);
+                if (std::abs(turn) < 1e-9) continue;
+                for (int j = std::abs(of_exit); j < exit; ++j) {
+                    for (int i = std::abs(of_light); i < light; ++i) {
+                        for (int l = m; l < bands; ++l) {
+                            double sum = 0;
+                            for (std::size_t q = 0; q < kNodes; ++q)
+                                sum += rule.weights[q] *
+                                       kernel[q][index(sh::index(j, std::abs(of_exit)))] *
+                                       basis[q][index(sh::index(i, std::abs(of_light)))] *
+                                       basis[q][index(sh::index(l, m))];
+                            values[index(l - m)] = turn * sum;
+                        }
+                        for (std::size_t r = 0; r < values.size(); ++r)
+                            for (std::size_t c = 0; c < values.size(); ++c)
+                                block[r * values.size() + c] += values[r] * values[c];
+                    }
+                }
+            }
+        }
+        form.elements.insert(form.elements.end(), block.begin(), block.end());
+    }
+    const double white_squared = of_lobe(expanded.unoccluded_squared, 1);
+    for (double& element : form.elements) element /= white_squared;
+    return form;
+}
+
 }  // namespace
 
 LobeExpansion expand_lobe(const LobeExpansionJob& job) {
@@ -349,6 +421,7 @@ LobeErrors lobe_errors(const LobeExpansionJob& job, double perceptual_roughness,
     const double white_squared = of_lobe(expanded.unoccluded_squared, 1);
     const auto root = [](double x) { return std::sqrt(std::max(x, 0.0)); };
     return {
+        .of_row = error_of_row(job, expanded, r0),
         .per_transport_error =
             root(of_lobe(expanded.kernel_squared, r0) * diffuse_squared / white_squared),
         .per_rounding_error = root(of_lobe(expanded.kernel_elements_squared, r0) * job.light_bands *

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "baker/math/axial_form.h"
 #include "envbake/runtime/brdf.h"
 
 #include <vector>
@@ -49,8 +50,12 @@ LobeExpansion expand_lobe(const LobeExpansionJob& job);
 /// over exit and lighting coefficients: relative to a lobe that reflects all it can, as the error
 /// of diffuse transport is relative to a white surface.
 struct LobeErrors {
-    /// By which the error of diffuse transport (DiffuseJob::tolerance, of light_bands) is
-    /// multiplied to have that of t: both come from the same rays.
+    /// The square of the error of t by the errors of a row of "mesh/I/glossy", about the normal:
+    /// sum_ij (sum_k k_jk sum_m G_ikm x_m)^2.
+    AxialForm of_row;
+    /// By which the error of diffuse transport (DiffuseJob::tolerance, of light_bands) were
+    /// multiplied to have that of t, both from the same rays, were outlines of what is blocked
+    /// anywhere alike. They are not: most are near the horizon, where a lobe reflects the most.
     double per_transport_error = 0;
     /// Error of t where every number of "mesh/I/glossy" is off by independent errors of rms 1: by
     /// sum_im (sum_k k_jk G_ikm)^2 = light_bands^2 / 4pi sum_k k_jk^2, since the squares of the

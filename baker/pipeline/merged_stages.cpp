@@ -149,6 +149,7 @@ Expected<DiffuseReport> MergedStages::rows(const std::string& output, const Diff
         } else {
             // The choice of rays is made again for each part, and comes out the same.
             if (!(report.crossing_error == whole.crossing_error) ||
+                report.row_error != whole.row_error ||
                 report.check_ray_count != whole.check_ray_count ||
                 report.rays_per_vertex != whole.rays_per_vertex)
                 return Error{Errc::InvalidBundle,
@@ -212,7 +213,7 @@ Expected<void> MergedStages::read_blocked(const std::string& output, const Diffu
 Expected<BounceReport> MergedStages::bounces(const BounceJob& job,
                                              std::span<MeshTransport> transport) {
     ENVBAKE_TRY(const Tracer tracer, Tracer::build(*inputs_.scene, isa_));
-    return add_bounces(job, *inputs_.scene, tracer, blocked_, transport);
+    return add_bounces(job, *inputs_.scene, tracer, blocked_, transport, progress_);
 }
 
 Expected<WaveletReport> MergedStages::wavelet(const std::string& output, const WaveletJob&,

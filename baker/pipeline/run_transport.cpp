@@ -87,10 +87,9 @@ Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy)
         lobe.per_rounding_error *
         std::sqrt(rounding_squares /
                   static_cast<double>(std::max<std::uint64_t>(1, row_size * vertices)));
-    report_.glossy[glossy.mesh] = {
-        rays, glossy.light_bands, lobe,
-        std::hypot(lobe.per_transport_error * rays.error_rms, expansion, rounding),
-        std::hypot(lobe.per_transport_error * rays.error_p999, lobe.fit)};
+    report_.glossy[glossy.mesh] = {rays, glossy.light_bands, lobe,
+                                   std::hypot(rays.row_error * rays.error_rms, expansion, rounding),
+                                   std::hypot(rays.row_error * rays.error_p999, lobe.fit)};
     report_.array_errors[output] = {
         report_.glossy[glossy.mesh]->error_rms,
         "rms over vertices of |t - t_true|_F / |a + b of an open vertex|_F"};

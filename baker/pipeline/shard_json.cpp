@@ -26,7 +26,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CrossingError, per_crossing, solved, samples)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DiffuseReport, vertex_count, unreferenced_count, merged_count,
                                    free_count, traced_count, solved_count, ray_count,
                                    check_ray_count, rays_per_vertex, repeated_ray_count, error_rms,
-                                   error_p999, crossing_error, crossings)
+                                   error_p999, row_error, crossing_error, crossings)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WaveletReport, vertex_count, unreferenced_count, free_count,
                                    traced_count, ray_count, coeff_count, byte_count)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BrdfTable, size, texel_error, lookup_error, lookup_error_rms,

@@ -57,7 +57,8 @@ Expected<std::vector<float>> BakedStages::normals(std::size_t mesh) {
 
 Expected<BounceReport> BakedStages::bounces(const BounceJob& job,
                                             std::span<MeshTransport> transport) {
-    const BounceReport report = add_bounces(job, *inputs_.scene, *tracer_, blocked_, transport);
+    const BounceReport report =
+        add_bounces(job, *inputs_.scene, *tracer_, blocked_, transport, progress_);
     std::vector<BlockedRays>().swap(blocked_);
     return report;
 }

@@ -264,15 +264,23 @@ double reflected_share(const BakeRequest& request, const RoughnessRange& range, 
     return largest;
 }
 
-/// The worst over a material's roughness: at its ends and in the middle.
-LobeErrors worst_errors(const BakeRequest& request, const RoughnessRange& range, double r0) {
-    LobeErrors worst;
+/// What the plan asks of a material's lobe, worked out for the first mesh that has it.
+struct LobeFacts {
+    double share = 0;               ///< reflected_share()
+    LobeErrors errors;              ///< the worst over its roughness: at its ends and in the middle
+    std::vector<AxialForm> of_row;  ///< each of those
+};
+
+LobeFacts facts_of_lobe(const BakeRequest& request, const RoughnessRange& range, double r0) {
+    LobeFacts facts{reflected_share(request, range, r0), {}, {}};
+    LobeErrors& worst = facts.errors;
     for (const Distribution distribution : request.distributions) {
         const LobeExpansionJob job{.distribution = distribution,
                                    .exit_bands = request.glossy_bands,
                                    .light_bands = glossy_light_bands(request)};
         for (const double roughness : {range.min, (range.min + range.max) / 2, range.max}) {
-            const LobeErrors errors = lobe_errors(job, roughness, r0);
+            LobeErrors errors = lobe_errors(job, roughness, r0);
+            facts.of_row.push_back(std::move(errors.of_row));
             worst.per_transport_error =
                 std::max(worst.per_transport_error, errors.per_transport_error);
             worst.per_rounding_error =
@@ -282,14 +290,8 @@ LobeErrors worst_errors(const BakeRequest& request, const RoughnessRange& range,
             if (range.min == range.max) break;
         }
     }
-    return worst;
+    return facts;
 }
-
-/// What the plan asks of a material's lobe, worked out for the first mesh that has it.
-struct LobeFacts {
-    double share = 0;  ///< reflected_share()
-    LobeErrors errors;
-};
 
 PlannedStage plan_glossy(const BakeRequest& request, const BakeFacts& facts, std::size_t mesh,
                          std::vector<std::optional<LobeFacts>>& lobes) {
@@ -321,9 +323,7 @@ PlannedStage plan_glossy(const BakeRequest& request, const BakeFacts& facts, std
         return stage;
     }
     std::optional<LobeFacts>& lobe = lobes[f.material];
-    if (!lobe)
-        lobe = {reflected_share(request, range, material.max_r0),
-                worst_errors(request, range, material.max_r0)};
+    if (!lobe) lobe = facts_of_lobe(request, range, material.max_r0);
     const double share = lobe->share;
     if (request.glossy != GlossyChoice::All && share < request.tolerance) {
         stage.reason = concat("the lobe of material ", quoted(material.name), " reflects ",
@@ -335,16 +335,18 @@ PlannedStage plan_glossy(const BakeRequest& request, const BakeFacts& facts, std
     glossy.light_bands = glossy_light_bands(request);
     glossy.errors = lobe->errors;
     glossy.with_diffuse = material.max_diffuse_albedo > 0 || request.bounces > 0;
-    // Rays for the worse of the two. A metal has no diffuse transport to ask for less.
-    const double factor = material.max_diffuse_albedo > 0
-                              ? std::max(1.0, glossy.errors.per_transport_error)
-                              : glossy.errors.per_transport_error;
-    glossy.job = DiffuseJob{.bands = request.bands,
-                            .row_bands = glossy.light_bands + runtime::kExtraVisibilityBands,
-                            .tolerance = request.tolerance / factor,
-                            .rays_per_vertex = request.rays_per_vertex,
-                            .seed = request.seed,
-                            .memory_bytes = request.memory_bytes};
+    // Measured on three scans and a shader ball: 1.15 to 2.7 of what it were with outlines
+    // anywhere.
+    constexpr double kNearTheHorizon = 1.5;
+    glossy.job =
+        DiffuseJob{.bands = request.bands,
+                   .row_bands = glossy.light_bands + runtime::kExtraVisibilityBands,
+                   .tolerance = request.tolerance,
+                   .row_use = {lobe->of_row, kNearTheHorizon * glossy.errors.per_transport_error,
+                               !(material.max_diffuse_albedo > 0)},
+                   .rays_per_vertex = request.rays_per_vertex,
+                   .seed = request.seed,
+                   .memory_bytes = request.memory_bytes};
     stage.reason =
         concat("the lobe of material ", quoted(material.name), " reflects up to ",
                percentage(share), " of the light; ", request.glossy_bands, " bands miss ",

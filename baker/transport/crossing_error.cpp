@@ -74,6 +74,17 @@ CrossingError fit_error(const CrossingError& expected, std::span<const BakedTwic
     return fit;
 }
 
+double fit_row_error(double expected, std::span<const BakedTwice> sample) {
+    double square = 0, row_square = 0;
+    for (const BakedTwice& baked : sample) {
+        square += baked.square;
+        row_square += baked.row_square;
+    }
+    if (square == 0) return expected;
+    const double prior = kPriorSamples * square / static_cast<double>(sample.size());
+    return std::sqrt((row_square + prior * expected * expected) / (square + prior));
+}
+
 double standard_error_factor(double samples, double vertices) {
     return 1 + kMargin * kScatter * std::sqrt(1 / samples + 1 / vertices);
 }

@@ -38,12 +38,16 @@ inline constexpr double kVarianceExponent = 1.52;
 
 /// A vertex that was baked twice, independently.
 struct BakedTwice {
-    int crossings = 0;  ///< of the first bake
-    double square = 0;  ///< squared relative error: half the squared distance of the two, or
-                        ///< all of it where the second is far better
+    int crossings = 0;      ///< of the first bake
+    double square = 0;      ///< squared relative error: half the squared distance of the two, or
+                            ///< all of it where the second is far better
+    double row_square = 0;  ///< the same by the worst of RowUse::errors
 };
 /// `expected` as the sample has it; the expectation counts as much as a few samples.
 CrossingError fit_error(const CrossingError& expected, std::span<const BakedTwice> sample);
+
+/// rms of row_square over rms of square; `expected` counts as much as a few samples.
+double fit_row_error(double expected, std::span<const BakedTwice> sample);
 
 struct ErrorEstimate {
     double rms = 0;   ///< over all vertices

@@ -65,6 +65,18 @@ double square_error(const CrossingError& error, const Traced& traced) {
     return traced.crossings == 0 ? error.solved : traced.crossings * error.per_crossing;
 }
 
+/// The error that counts, over that of T.
+double worse_of(const RowUse& use, double row_error) {
+    return use.alone ? row_error : std::max(1.0, row_error);
+}
+
+/// One of the two that a place is baked by.
+struct Look {
+    double turn_rad;
+    Traced traced;
+    std::vector<std::uint16_t> masks;
+};
+
 class DiffuseBake {
   public:
     DiffuseBake(const DiffuseJob& job, const Scene& scene, std::size_t mesh, const Tracer& tracer,
@@ -86,6 +98,7 @@ class DiffuseBake {
     bool choose_sample();
     int affordable_rays() const;
     std::vector<BakedTwice> bake_twice(const RaySet& set, std::span<const std::uint32_t> sample);
+    double row_square(const RaySet& set, const Look& first, const Look& second) const;
     double mean_square(const CrossingError& error, std::span<const BakedTwice> baked) const;
     bool is_open(const RayOrigin& origin) const;
     Traced bake_row(std::uint32_t vertex, std::span<float> row,
@@ -172,22 +185,47 @@ std::vector<BakedTwice> DiffuseBake::bake_twice(const RaySet& set,
     parallel_for(sample.size(), [&](std::size_t i) {
         const RayOrigin origin = points_.origin(sample[i], tracer_.space());
         std::vector<float> row(coeffs), other(coeffs);
-        const Traced first =
-            visible_transport(set, tracer_, origin, 2 * pi * random(sample[i], kResultTurns), row);
-        const Traced second = visible_transport(
-            set, tracer_, origin, 2 * pi * random(sample[i], kSecondTurns), other, Stop::Never);
+        const auto look = [&](Stage turns, Stop stop, std::vector<float>& into) {
+            Look result{2 * pi * random(sample[i], turns), {}, {}};
+            result.masks.resize(job_.row_use.errors.empty() ? 0 : set.directions.size());
+            result.traced =
+                visible_transport(set, tracer_, origin, result.turn_rad, into, stop, result.masks);
+            return result;
+        };
+        const Look first = look(kResultTurns, Stop::WhereSolved, row);
+        const Look second = look(kSecondTurns, Stop::Never, other);
         double square = 0;
         for (std::size_t c = 0; c < coeffs; ++c) {
             const double difference = double{row[c]} - double{other[c]};
             square += difference * difference;
         }
-        const bool alike = first.crossings > 0;  // else the second one's own error hardly counts
-        baked[i] = {first.crossings, square / (norm * norm) / (alike ? 2 : 1)};
-        rays[i] = first.rays + second.rays;
+        const int crossings = first.traced.crossings;
+        const double alike = crossings > 0 ? 2 : 1;  // else the second's own error hardly counts
+        baked[i] = {crossings, square / (norm * norm) / alike,
+                    row_square(set, first, second) / alike};
+        rays[i] = first.traced.rays + second.traced.rays;
     });
     sample_seconds_ += std::chrono::duration<double>(Clock::now() - begun).count();
     for (const int count : rays) report_.check_ray_count += static_cast<std::uint64_t>(count);
     return baked;
+}
+
+/// The squared distance of two rows, by the worst of what they are for.
+double DiffuseBake::row_square(const RaySet& set, const Look& first, const Look& second) const {
+    if (job_.row_use.errors.empty()) return 0;
+    std::vector<double> rows[2];
+    for (const Look* look : {&first, &second}) {
+        std::vector<double>& row = rows[look == &second];
+        row.resize(coeffs_);
+        std::vector<std::uint16_t> masks = look->masks;
+        if (look->traced.solved && look->traced.blocked > 0)  // so are those that were not traced
+            std::fill(masks.begin(), masks.end(), std::uint16_t{0xffff});
+        blocked_about_normal(set, look->turn_rad, masks, row);
+    }
+    for (std::size_t c = 0; c < coeffs_; ++c) rows[0][c] -= rows[1][c];
+    double worst = 0;
+    for (const AxialForm& error : job_.row_use.errors) worst = std::max(worst, error(rows[0]));
+    return worst;
 }
 
 /// Rays a vertex that the time which is left has room for, at the speed of the sample.
@@ -218,8 +256,9 @@ void DiffuseBake::choose_rays() {
     int first_guess = expected_rays_per_vertex(job_);
     if (job_.rays_per_vertex > 0 || sample_.empty()) {
         set_ = make_ray_set(first_guess, job_.bands);
-        error_ = fit_error(CrossingError::expected(set_.ray_count, false, job_.bands),
-                           bake_twice(set_, sample_));
+        const std::vector<BakedTwice> baked = bake_twice(set_, sample_);
+        error_ = fit_error(CrossingError::expected(set_.ray_count, false, job_.bands), baked);
+        report_.row_error = fit_row_error(job_.row_use.expected, baked);
         return;
     }
 
@@ -229,8 +268,9 @@ void DiffuseBake::choose_rays() {
     constexpr double kAim = 0.97;
     const auto rays_needed = [&](const RaySet& set, const CrossingError& error,
                                  std::span<const BakedTwice> baked, double samples) {
+        const double worse = worse_of(job_.row_use, fit_row_error(job_.row_use.expected, baked));
         const double stated =
-            mean_square(error, baked) *
+            worse * worse * mean_square(error, baked) *
             standard_error_factor(samples, traced_share_ * static_cast<double>(points_.size()));
         const double aim = kAim * job_.tolerance;
         return std::min(scaled_rays(set.ray_count, rays_for_variance(aim * aim / stated)),
@@ -263,6 +303,7 @@ void DiffuseBake::choose_rays() {
     }
     set_ = make_ray_set(rays, job_.bands, with_pilot);
     error_ = error_.scaled(set.ray_count, set_.ray_count);
+    report_.row_error = fit_row_error(job_.row_use.expected, baked);
 }
 
 std::span<std::uint16_t> DiffuseBake::masks_of(std::uint32_t vertex) const {
@@ -412,7 +453,8 @@ int expected_rays_per_vertex(const DiffuseJob& job) {
     if (job.rays_per_vertex > 0) return job.rays_per_vertex;
     // The Stanford bunny at 5 bands. More bands are more coefficients that carry the same error.
     constexpr double kRays = 400, kTolerance = 1e-2, kBands = 5;
-    const double error = job.tolerance / kTolerance * kBands / job.bands;
+    const double error = job.tolerance / worse_of(job.row_use, job.row_use.expected) / kTolerance *
+                         kBands / job.bands;
     return scaled_rays(kRays, rays_for_variance(error * error));
 }
 

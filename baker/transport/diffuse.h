@@ -4,6 +4,7 @@
 #include "baker/core/error.h"
 #include "baker/core/progress.h"
 #include "baker/input/scene.h"
+#include "baker/math/axial_form.h"
 #include "baker/trace/tracer.h"
 #include "baker/transport/crossing_error.h"
 #include "baker/transport/ray_origin.h"
@@ -19,11 +20,19 @@ namespace envbake {
 
 inline constexpr int kMaxRays = 1 << 18;  ///< of a vertex
 
+/// What rows of more bands than T are for: it has errors of its own, and T's tolerance.
+struct RowUse {
+    std::vector<AxialForm> errors{};  ///< squared, by errors of a row, of row_bands; the worst
+    double expected = 0;              ///< rms by those over that of T, before it is measured
+    bool alone = false;               ///< nobody asks for T itself: no rays for its tolerance
+};
+
 struct DiffuseJob {
     int bands = 5;            ///< 1 .. 10; of the error, and of what the rays are chosen for
     int row_bands = 0;        ///< bands of a row, bands .. 11; 0: as many as `bands`
     bool shadowed = true;     ///< false: the analytic unoccluded answer, no rays
     double tolerance = 1e-2;  ///< rms over vertices of |T - T_true|_2 / |T_unoccluded|_2
+    RowUse row_use{};
     int rays_per_vertex = 0;  ///< 0: chosen from the tolerance
     /// Wall time for this mesh, seconds; 0: as long as it takes. Where the rays that the tolerance
     /// needs would take longer, by the speed that the sample shows, it is as many as fit, but no
@@ -59,6 +68,9 @@ struct DiffuseReport {
     /// errors. Vertices that need no rays count as 0.
     double error_rms = 0;
     double error_p999 = 0;  ///< 99.9th percentile over all vertices, by the same
+
+    /// rms error by the worst of RowUse::errors over that of T, of the sample.
+    double row_error = 0;
 
     // What the errors are told from.
     CrossingError crossing_error;

@@ -84,12 +84,14 @@ using Of = SeenSurfaces::Of;
 class Interreflection {
   public:
     Interreflection(const BounceJob& job, const Scene& scene, const Tracer& tracer,
-                    std::span<const BlockedRays> blocked, std::span<MeshTransport> transport)
+                    std::span<const BlockedRays> blocked, std::span<MeshTransport> transport,
+                    Progress& progress)
         : job_(job),
           scene_(scene),
           tracer_(tracer),
           blocked_(blocked),
           transport_(transport),
+          progress_(progress),
           coeffs_(static_cast<std::size_t>(sh::coeff_count(job.bands))),
           channels_(static_cast<std::size_t>(job.channels)),
           places_(scene, with_transport(transport)),
@@ -136,6 +138,7 @@ class Interreflection {
     const Tracer& tracer_;
     std::span<const BlockedRays> blocked_;
     std::span<MeshTransport> transport_;
+    Progress& progress_;
     std::size_t coeffs_, channels_;
     ScenePlaces places_;
     Lamps lamps_;
@@ -177,7 +180,7 @@ SeenSurfaces Interreflection::gather(std::span<const std::uint32_t> chosen, doub
     std::vector<float> shares;
     for (const std::uint32_t p : chosen) shares.push_back(blocked_share(p));
     return SeenSurfaces(scene_, tracer_, places_, lamps_, blocked_, chosen, std::move(shares),
-                        stride, offset, rays);
+                        stride, offset, rays, progress_);
 }
 
 /// What the squares of errors are multiplied by since light errs again at each bounce: 1 and the
@@ -353,6 +356,7 @@ void Interreflection::add_last_bounce(std::size_t channel, std::span<const Colum
             for (std::size_t k = 0; k < columns.size(); ++k)
                 if (columns[k].coeff != Column::kSurvival) *value_at(p, columns[k]) += last[k];
         }
+        progress_.add(end - block * kBlock);
     });
 }
 
@@ -419,6 +423,9 @@ BounceReport Interreflection::run() {
     const std::size_t count = places_.places.size();
     if (count == 0) return report_;
     choose_sample();
+    const std::size_t gatherings_of_sample = job_.stride > 0 ? 1 : 5;
+    progress_.begin("rays of light between surfaces", "vertices",
+                    count + gatherings_of_sample * sample_.size());
     const double stride = job_.stride > 0 ? job_.stride : choose_stride();
     std::vector<std::uint32_t> all(count);
     std::iota(all.begin(), all.end(), 0u);
@@ -433,6 +440,8 @@ BounceReport Interreflection::run() {
             for (std::size_t c = 0; c < 3; ++c)
                 *value_at(p, {Column::kEmission, c}) = seen_->emitted(p)[static_cast<int>(c)];
     square_errors_.assign(sample_.size(), 0);
+    progress_.begin("light between surfaces", "vertices",
+                    count * channels_ * ((columns_of(0).size() + kLanes - 1) / kLanes));
     for (std::size_t c = 0; c < channels_; ++c) solve(c);
     fill_copies();
 
@@ -465,8 +474,9 @@ double most_from_bounces(double max_albedo, double blocked_share, int bands) {
 }
 
 BounceReport add_bounces(const BounceJob& job, const Scene& scene, const Tracer& tracer,
-                         std::span<const BlockedRays> blocked, std::span<MeshTransport> transport) {
-    return Interreflection(job, scene, tracer, blocked, transport).run();
+                         std::span<const BlockedRays> blocked, std::span<MeshTransport> transport,
+                         Progress& progress) {
+    return Interreflection(job, scene, tracer, blocked, transport, progress).run();
 }
 
 }  // namespace envbake

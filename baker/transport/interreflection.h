@@ -85,11 +85,13 @@ struct BounceReport {
 ///
 ///   blocked    one a mesh, as bake_diffuse() fills it
 ///   transport  one a mesh; rows hold T_direct, the same in every channel, and T afterwards
+///   progress   counts vertices whose rays are followed, then those that light came to
 ///
 /// Memory: 16 bytes for each point that a vertex sees, 200 for each vertex and 12 for each
 /// triangle. Deterministic for any number of threads. Channels of equal albedo get equal bits, and
 /// one of three is as one alone.
 BounceReport add_bounces(const BounceJob& job, const Scene& scene, const Tracer& tracer,
-                         std::span<const BlockedRays> blocked, std::span<MeshTransport> transport);
+                         std::span<const BlockedRays> blocked, std::span<MeshTransport> transport,
+                         Progress& progress);
 
 }  // namespace envbake

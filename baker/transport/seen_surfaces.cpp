@@ -215,7 +215,7 @@ class SeenSurfaces::Gatherer {
 SeenSurfaces::SeenSurfaces(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
                            const Lamps& lamps, std::span<const BlockedRays> blocked,
                            std::span<const std::uint32_t> chosen, std::vector<float> shares,
-                           double stride, double offset, Rays rays)
+                           double stride, double offset, Rays rays, Progress& progress)
     : corners_(places.corners), shares_(std::move(shares)), emitted_(chosen.size(), Vec3(0)) {
     const Gatherer gatherer(scene, tracer, places, lamps, blocked, stride, offset, rays);
     blocks_.resize((chosen.size() + kBlock - 1) / kBlock);
@@ -230,6 +230,7 @@ SeenSurfaces::SeenSurfaces(const Scene& scene, const Tracer& tracer, const Scene
             block.first[k + 1] = static_cast<std::uint32_t>(block.points.size());
         }
         block.points.shrink_to_fit();
+        progress.add(std::min(kBlock, chosen.size() - b * kBlock), block.points.size());
     });
     for (const Block& block : blocks_) {
         point_count_ += block.points.size();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "baker/core/progress.h"
 #include "baker/input/scene.h"
 #include "baker/math/simd.h"
 #include "baker/trace/tracer.h"
@@ -69,10 +70,11 @@ class SeenSurfaces {
     ///   chosen   the places that get a row, by number
     ///   shares   [chosen], F of each; no rays where it is 0
     ///   offset   which of the `stride`: 0 .. 1, added to a random one
+    ///   progress counts `chosen`
     SeenSurfaces(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
                  const Lamps& lamps, std::span<const BlockedRays> blocked,
                  std::span<const std::uint32_t> chosen, std::vector<float> shares, double stride,
-                 double offset, Rays rays);
+                 double offset, Rays rays, Progress& progress);
 
     std::size_t row_count() const { return shares_.size(); }
     std::uint64_t point_count() const { return point_count_; }

@@ -74,7 +74,17 @@ constexpr std::array<Project, sizeof...(kLess)> projections(std::integer_sequenc
 }
 constexpr auto kProject = projections(std::make_integer_sequence<int, kMaxRowBands>());
 
+int bands_of(std::size_t coeffs) {
+    return static_cast<int>(std::lround(std::sqrt(coeffs)));
+}
+
 }  // namespace
+
+void blocked_about_normal(const RaySet& set, double turn_rad, std::span<const std::uint16_t> masks,
+                          std::span<double> out) {
+    const Frame frame = turned(Frame{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, turn_rad);
+    kProject[static_cast<std::size_t>(bands_of(out.size()) - 1)](set, frame, masks, 0, out.data());
+}
 
 Traced visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigin& origin,
                          double turn_rad, std::span<float> row, Stop stop,
@@ -107,7 +117,7 @@ Traced visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigi
 
     std::copy_n(masks.begin(), masks_wanted.size(), masks_wanted.begin());
 
-    const auto bands = static_cast<int>(std::lround(std::sqrt(row.size())));
+    const int bands = bands_of(row.size());
     std::array<double, sh::coeff_count(kMaxRowBands)> base{}, sum;
     const bool sum_blocked = 2 * traced.blocked <= traced.rays;
     if (sum_blocked) unoccluded_transport(bands, origin.normal, base);

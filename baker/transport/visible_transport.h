@@ -38,4 +38,10 @@ Traced visible_transport(const RaySet& set, const Tracer& tracer, const RayOrigi
                          double turn_rad, std::span<float> row, Stop stop = Stop::WhereSolved,
                          std::span<std::uint16_t> masks = {});
 
+/// What rays in `masks` would have carried, T_unoccluded - T, in the frame of the normal (+Z).
+///   masks   [packets of the set]
+///   out     [n^2], n = 1 .. kMaxRowBands
+void blocked_about_normal(const RaySet& set, double turn_rad, std::span<const std::uint16_t> masks,
+                          std::span<double> out);
+
 }  // namespace envbake

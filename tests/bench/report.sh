@@ -87,6 +87,12 @@ for name, b in json.load(sys.stdin)["metadata"]["brdf"].items():
         done
     done
 }
+glossy_check() {
+    local scene
+    for scene in $(either "suzanne stanford_bunny" "stanford_bunny suzanne shader_ball dungeon_hall"); do
+        "$bin/glossy_check" "$data/meshes/$scene.glb"
+    done | without_headers
+}
 glossy_bounces() {  # a plain dielectric all over, seen through a lobe of R0 = 1
     local mesh roughness
     for mesh in $(either suzanne "cornell_box dungeon_hall suzanne shader_ball"); do
@@ -198,6 +204,7 @@ rebuilds() {  # each from the same older bundle
         ENVIRONMENTS="$(either lebombo_1k "kloppenheim_05_1k lebombo_1k")" \
         ROUGHNESS="$(either "0.3 0.6 1" "0.2 0.3 0.4 0.5 0.6 0.8 1")" \
         tests/bench/glossy_against_split_sum.sh "$out/glossy" "$data"
+    step glossy_check glossy_check
     step glossy_bounces glossy_bounces
     step wavelets wavelets
     step pictures pictures

@@ -212,7 +212,7 @@ std::optional<Bounced> bake_bounced(const Scene& scene, const Tracer& tracer, do
     }
     bounced.direct_s = cpu_seconds() - begin;
     bounced.report = add_bounces({.bands = kBands, .channels = channels, .tolerance = tolerance},
-                                 scene, tracer, blocked, bounced.transport);
+                                 scene, tracer, blocked, bounced.transport, progress);
     bounced.bounces_s = cpu_seconds() - begin - bounced.direct_s;
     return bounced;
 }

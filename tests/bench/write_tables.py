@@ -137,6 +137,12 @@ def glossy_pictures(rows):
                     for r in rows]
 
 
+def glossy_check(rows):
+    header = ["scene", "r", "R0", "rays", "true rms of T", "true rms of t", "stated"]
+    return header, [[name(r["scene"]), r["roughness"], r["r0"], f"{float(r['rays']):,.0f}", si(r["transport_rms"]),
+                     si(r["true_rms"]), si(r["stated_rms"])] for r in rows]
+
+
 def glossy_bounces(rows):
     header = ["scene", "r", "with bounces", "without, on both sides", "left out", "noise of the truth"]
     return header, [[name(r["scene"].removesuffix(".glb")), f"{float(r['roughness']):g}",
@@ -267,6 +273,7 @@ TABLES = {  # name: CSV, function
     "bounces": ("bounces", bounces),
     "bounces_time": ("bounces", bounces_time),
     "glossy_pictures": ("glossy_pictures", glossy_pictures),
+    "glossy_check": ("glossy_check", glossy_check),
     "glossy_bounces": ("glossy_bounces", glossy_bounces),
     "glossy_cost": ("glossy_cost", glossy_cost),
     "wavelet_terms": ("wavelets", wavelet_terms),

@@ -21,19 +21,30 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Outcome python(const std::vector<std::string>& arguments) {
-    std::vector<std::string> all{"python3", "-B"};
+Outcome run(const std::string& python, const std::vector<std::string>& arguments) {
+    std::vector<std::string> all{python, "-B"};
     all.insert(all.end(), arguments.begin(), arguments.end());
     return Program("/usr/bin/env", std::move(all)).wait();
+}
+
+/// That of the path, or else the system's, which a numpy of a package is for; empty: neither has
+/// it.
+std::string python_with_numpy() {
+    for (const char* python : {"python3", "/usr/bin/python3"})
+        if (run(python, {"-c", "import numpy"}).status == 0) return python;
+    return {};
 }
 
 class PythonReader : public ::testing::Test {
   protected:
     void SetUp() override {
-        if (python({"-c", "import numpy"}).status != 0)
-            GTEST_SKIP() << "*** SKIPPED: no python3 with numpy ***";
+        if (python_.empty()) GTEST_SKIP() << "*** SKIPPED: no python3 with numpy ***";
+    }
+    Outcome python(const std::vector<std::string>& arguments) const {
+        return run(python_, arguments);
     }
 
+    const std::string python_ = python_with_numpy();
     const std::string script_ = ENVBAKE_PYTHON_READER;
     TemporaryFolder folder_;
 };

@@ -153,14 +153,19 @@ TEST(Plan, GlossyTransportWhereSHShowsTheLobe) {
 TEST(Plan, GlossyTransportGetsTheRaysThatItNeeds) {
     BakeRequest request;
     request.glossy = GlossyChoice::WhereItShows;
-    const auto tolerance = [&](const MaterialFacts& material) {
+    const auto job = [&](const MaterialFacts& material) {
         const BakePlan plan = plan_of(facts_of({material}), request);
-        return std::get<PlannedGlossy>(*stage(plan, "mesh/0/glossy").job).job.tolerance;
+        return std::get<PlannedGlossy>(*stage(plan, "mesh/0/glossy").job).job;
     };
-    EXPECT_EQ(tolerance(dielectric(0.5f)), request.tolerance);
-    EXPECT_LT(tolerance(metal(0.5f)), request.tolerance);
+    DiffuseJob diffuse = job(dielectric(0.5f));
+    EXPECT_EQ(diffuse.tolerance, request.tolerance);
+    EXPECT_FALSE(diffuse.row_use.alone);
+    diffuse.row_use = {};
+    EXPECT_EQ(expected_rays_per_vertex(job(dielectric(0.5f))), expected_rays_per_vertex(diffuse));
+    EXPECT_GT(expected_rays_per_vertex(job(metal(0.5f))), expected_rays_per_vertex(diffuse));
+    EXPECT_TRUE(job(metal(0.5f)).row_use.alone);
     request.bounces = 1;
-    EXPECT_LT(tolerance(dielectric(0.5f)), request.tolerance);
+    EXPECT_LT(job(dielectric(0.5f)).tolerance, request.tolerance);
 }
 
 TEST(Plan, BouncesWhereTheyAreAskedForAndCanBeSeen) {

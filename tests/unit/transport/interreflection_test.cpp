@@ -63,7 +63,8 @@ Lit light(const Scene& scene, BounceJob job, double direct_tolerance = 2e-3) {
         lit.direct.push_back(std::move(mesh));
     }
     lit.transport = lit.direct;
-    lit.report = add_bounces(job, scene, *tracer, blocked, lit.transport);
+    lit.report = add_bounces(job, scene, *tracer, blocked, lit.transport, progress);
+    EXPECT_EQ(progress.done(), progress.total());
     return lit;
 }
 
