@@ -318,18 +318,13 @@ Expanded expand(const LobeExpansionJob& job, double roughness) {
     return expanded;
 }
 
-/// Integral over a turn of three factors, each cos(m phi), or sin(-m phi) where m < 0; below 16.
+/// Integral over a turn of three factors, each cos(m phi), or sin(-m phi) where m < 0; third >= 0.
 double around(int first, int second, int third) {
-    constexpr int kNodes = 48;
-    const auto factor = [](int m, double phi) {
-        return m < 0 ? std::sin(-m * phi) : std::cos(m * phi);
-    };
-    double sum = 0;
-    for (int i = 0; i < kNodes; ++i) {
-        const double phi = 2 * pi * i / kNodes;
-        sum += factor(first, phi) * factor(second, phi) * factor(third, phi);
-    }
-    return 2 * pi / kNodes * sum;
+    if ((first < 0) != (second < 0)) return 0;
+    const int a = std::abs(first), b = std::abs(second);
+    const int sums = (a + b == third) + (a + b + third == 0);
+    const int differences = (a - b == third) + (b - a == third);
+    return pi / 2 * (first < 0 ? differences - sums : differences + sums);
 }
 
 /// LobeErrors::of_row: with K_j = sum_k k_jk Y_k the kernel as a function of the direction of
@@ -364,7 +359,7 @@ AxialForm error_of_row(const LobeExpansionJob& job, const Expanded& expanded, do
         for (int of_exit = 1 - exit; of_exit < exit; ++of_exit) {
             for (int of_light = 1 - light; of_light < light; ++of_light) {
                 const double turn = around(of_exit, of_light, m);
-                if (std::abs(turn) < 1e-9) continue;
+                if (turn == 0) continue;
                 for (int j = std::abs(of_exit); j < exit; ++j) {
                     for (int i = std::abs(of_light); i < light; ++i) {
                         for (int l = m; l < bands; ++l) {
