@@ -17,9 +17,9 @@ for scene in ${SCENES-stanford_bunny shader_ball dungeon_hall suzanne}; do
     for _ in 1 2 3 4 5; do  # in turn, for the machine is not always as fast
         for option in "" "--glossy all"; do
             # shellcheck disable=SC2086
-            /usr/bin/time -f "$scene,${option:-none},%U,%S" "$envbake" bake "$scratch/x.glb" $option --force --quiet \
-                -o "$scratch/x.envb" 2>&1
+            echo "$scene,${option:-none},$("$(dirname "$0")/peak_memory.py" "$envbake" bake "$scratch/x.glb" $option \
+                --force --quiet -o "$scratch/x.envb")"  # peak_mb,wall_s,cpu_s
         done
-    done | awk -F, '{ t = $3 + $4; if (!($2 in least) || t < least[$2]) least[$2] = t }
-        END { a = least["none"]; b = least["--glossy all"]; printf "%s,%.2f,%.2f,%.2f\n", $1, a, b, b / a }'
+    done | awk -F, '{ t = $5; if (!($2 in least) || t < least[$2]) least[$2] = t }
+        END { a = least["none"]; b = least["--glossy all"]; printf "%s,%.3f,%.3f,%.2f\n", $1, a, b, b / a }'
 done
