@@ -200,9 +200,9 @@ std::vector<BakedTwice> DiffuseBake::bake_twice(const RaySet& set,
             square += difference * difference;
         }
         const int crossings = first.traced.crossings;
-        const double alike = crossings > 0 ? 2 : 1;  // else the second's own error hardly counts
-        baked[i] = {crossings, square / (norm * norm) / alike,
-                    row_square(set, first, second) / alike};
+        const double erring = crossings > 0 ? 2 : 1;  // else the second's own error hardly counts
+        baked[i] = {crossings, square / (norm * norm) / erring,
+                    row_square(set, first, second) / erring};
         rays[i] = first.traced.rays + second.traced.rays;
     });
     sample_seconds_ += std::chrono::duration<double>(Clock::now() - begun).count();
@@ -213,18 +213,19 @@ std::vector<BakedTwice> DiffuseBake::bake_twice(const RaySet& set,
 /// The squared distance of two rows, by the worst of what they are for.
 double DiffuseBake::row_square(const RaySet& set, const Look& first, const Look& second) const {
     if (job_.row_use.errors.empty()) return 0;
-    std::vector<double> rows[2];
-    for (const Look* look : {&first, &second}) {
-        std::vector<double>& row = rows[look == &second];
-        row.resize(coeffs_);
-        std::vector<std::uint16_t> masks = look->masks;
-        if (look->traced.solved && look->traced.blocked > 0)  // so are those that were not traced
+    const auto blocked = [&](const Look& look) {
+        std::vector<std::uint16_t> masks = look.masks;
+        if (look.traced.solved && look.traced.blocked > 0)  // so are those that were not traced
             std::fill(masks.begin(), masks.end(), std::uint16_t{0xffff});
-        blocked_about_normal(set, look->turn_rad, masks, row);
-    }
-    for (std::size_t c = 0; c < coeffs_; ++c) rows[0][c] -= rows[1][c];
+        std::vector<double> row(coeffs_);
+        blocked_about_normal(set, look.turn_rad, masks, row);
+        return row;
+    };
+    std::vector<double> difference = blocked(first);
+    const std::vector<double> other = blocked(second);
+    for (std::size_t c = 0; c < coeffs_; ++c) difference[c] -= other[c];
     double worst = 0;
-    for (const AxialForm& error : job_.row_use.errors) worst = std::max(worst, error(rows[0]));
+    for (const AxialForm& error : job_.row_use.errors) worst = std::max(worst, error(difference));
     return worst;
 }
 
