@@ -28,6 +28,10 @@ constexpr double kHorizonWeight = 1e-2, kLightHorizonWeight = 1e-6;
 /// Against twice as many in each direction: 1e-5 of the matrices' norm at any roughness.
 constexpr int kExitNodes = 20, kThetaNodes = 24, kPhiNodes = 24;
 
+constexpr std::size_t index(int i) {
+    return static_cast<std::size_t>(i);
+}
+
 /// The part of d in the weight of Y_lm, of both half-spheres where they are alike.
 double horizon_weight(int l, int m) {
     return (l + m) % 2 == 0 ? 2 * kHorizonWeight : 0;
@@ -132,7 +136,6 @@ class Solver {
     }
 
   private:
-    static std::size_t index(int i) { return static_cast<std::size_t>(i); }
     double& at(int row, int column) { return l_[index(row * size_ + column)]; }
     double at(int row, int column) const { return l_[index(row * size_ + column)]; }
     std::vector<double> l_;
@@ -224,7 +227,6 @@ Expanded expand(const LobeExpansionJob& job, double roughness) {
         responses[q] = respond(job.distribution, roughness * roughness, rule.z[q]);
 
     const int exit = job.exit_bands, light = job.light_bands;
-    const auto index = [](int i) { return static_cast<std::size_t>(i); };
     Expanded expanded;
     for (std::size_t p = 0; p < 2; ++p) {
         expanded.unoccluded[p].resize(runtime::lobe_size(exit, light));
@@ -336,7 +338,6 @@ AxialForm error_of_row(const LobeExpansionJob& job, const Expanded& expanded, do
               bands = light + runtime::kExtraVisibilityBands;
     constexpr int kMaxBands = runtime::kMaxGlossyBands + runtime::kExtraVisibilityBands;
     constexpr std::size_t kMaxCoeffs = sh::coeff_count(kMaxBands);
-    const auto index = [](int i) { return static_cast<std::size_t>(i); };
 
     // Y_lm and K_jm in the plane phi = 0.
     std::array<std::array<double, kMaxCoeffs>, kNodes> basis{}, kernel{};

@@ -116,7 +116,7 @@ class Interreflection {
     float blocked_share(std::size_t number);
     void choose_sample();
     SeenSurfaces gather(std::span<const std::uint32_t> chosen, double stride, double offset,
-                        SeenSurfaces::Rays rays);
+                        SeenSurfaces::Rays rays, Progress& progress);
     double growth_of_error(const SeenSurfaces& of_sample) const;
     double error_at(double stride);
     double choose_stride();
@@ -176,11 +176,11 @@ void Interreflection::choose_sample() {
 }
 
 SeenSurfaces Interreflection::gather(std::span<const std::uint32_t> chosen, double stride,
-                                     double offset, SeenSurfaces::Rays rays) {
+                                     double offset, SeenSurfaces::Rays rays, Progress& progress) {
     std::vector<float> shares;
     for (const std::uint32_t p : chosen) shares.push_back(blocked_share(p));
     return SeenSurfaces(scene_, tracer_, places_, lamps_, blocked_, chosen, std::move(shares),
-                        stride, offset, rays, progress_);
+                        stride, offset, rays, progress);
 }
 
 /// What the squares of errors are multiplied by since light errs again at each bounce: 1 and the
@@ -196,8 +196,10 @@ double Interreflection::growth_of_error(const SeenSurfaces& of_sample) const {
 /// Error of all bounces where every `stride`-th ray is followed, by the first one to the sample:
 /// what those rays bring against what those bring that are halfway between them.
 double Interreflection::error_at(double stride) {
-    const SeenSurfaces first = gather(sample_, stride, 0, SeenSurfaces::Rays::OfTheDirectBake);
-    const SeenSurfaces second = gather(sample_, stride, 0.5, SeenSurfaces::Rays::OfTheDirectBake);
+    constexpr auto kRays = SeenSurfaces::Rays::OfTheDirectBake;
+    Progress unseen;  // a sample takes no time to speak of
+    const SeenSurfaces first = gather(sample_, stride, 0, kRays, unseen);
+    const SeenSurfaces second = gather(sample_, stride, 0.5, kRays, unseen);
     double squares = 0;
     for (std::size_t c = 0; c < channels_; ++c) {
         const auto channel = static_cast<int>(c);
@@ -423,14 +425,12 @@ BounceReport Interreflection::run() {
     const std::size_t count = places_.places.size();
     if (count == 0) return report_;
     choose_sample();
-    const std::size_t gatherings_of_sample = job_.stride > 0 ? 1 : 5;
-    progress_.begin("rays of light between surfaces", "vertices",
-                    count + gatherings_of_sample * sample_.size());
     const double stride = job_.stride > 0 ? job_.stride : choose_stride();
+    progress_.begin("rays of light between surfaces", "vertices", count + sample_.size());
     std::vector<std::uint32_t> all(count);
     std::iota(all.begin(), all.end(), 0u);
-    seen_.emplace(gather(all, stride, 0, SeenSurfaces::Rays::OfTheDirectBake));
-    again_.emplace(gather(sample_, stride, 0, SeenSurfaces::Rays::New));
+    seen_.emplace(gather(all, stride, 0, SeenSurfaces::Rays::OfTheDirectBake, progress_));
+    again_.emplace(gather(sample_, stride, 0, SeenSurfaces::Rays::New, progress_));
     report_.stride = stride;
     report_.point_count = seen_->point_count();
     report_.black_back_count = seen_->black_back_count();

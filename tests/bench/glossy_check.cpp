@@ -7,8 +7,7 @@
 // row_error       true error of matrices over true error of diffuse transport
 // transport_rms   true, of the diffuse transport
 // true_rms        |t - t_true|_F / |a + b of an open vertex|_F, rms over 2,000 random vertices;
-// true
-//                 is what 2^16 rays each give to the same matrices
+//                 t_true: by the same formula from 2^16 rays each
 // stated_rms      what the bake says of it
 //
 //     glossy_check SCENE [TOLERANCE]
@@ -21,6 +20,8 @@
 #include "baker/input/read_scene.h"
 #include "baker/transport/diffuse.h"
 #include "envbake/runtime/glossy.h"
+#include "tests/bench/baked_scene.h"
+#include "tests/bench/or_exit.h"
 #include "tests/bench/transport_truth.h"
 
 #include <algorithm>
@@ -55,19 +56,28 @@ struct Rows {
     }
 };
 
-double rms_of(const std::vector<double>& squares) {
-    double sum = 0;
-    for (const double x : squares) sum += x;
-    return std::sqrt(sum / static_cast<double>(squares.size()));
+std::size_t largest_mesh(const Scene& scene) {
+    std::size_t largest = 0;
+    for (std::size_t m = 1; m < scene.meshes.size(); ++m)
+        if (scene.meshes[m].vertex_count() > scene.meshes[largest].vertex_count()) largest = m;
+    return largest;
 }
 
-int check(const std::string& name, const Scene& scene, const Tracer& tracer, double tolerance) {
-    const auto largest =
-        static_cast<std::size_t>(std::max_element(scene.meshes.begin(), scene.meshes.end(),
-                                                  [](const Mesh& a, const Mesh& b) {
-                                                      return a.vertex_count() < b.vertex_count();
-                                                  }) -
-                                 scene.meshes.begin());
+/// |a + b of an open vertex|_F^2
+double white_squared(const runtime::GlossyMatrices& matrices, const runtime::LobeView& lobe,
+                     float roughness) {
+    std::vector<double> row(kRow);
+    unoccluded_transport(kRowBands, {0, 0, 1}, row);
+    const Rows open{{row.begin(), row.end()}, {0, 0, 1}};
+    const std::vector<float> t = open.matrix(matrices, lobe, 0, roughness);
+    double sum = 0;
+    for (std::size_t i = 0; i < kMatrix; i += 2)
+        sum += std::pow(double{t[i]} + double{t[i + 1]}, 2);
+    return sum;
+}
+
+void check(const std::string& name, const Scene& scene, const Tracer& tracer, double tolerance) {
+    const std::size_t largest = largest_mesh(scene);
     const Mesh& mesh = scene.meshes[largest];
     const SurfacePoints points(mesh);
     std::vector<Place> places;
@@ -107,38 +117,22 @@ int check(const std::string& name, const Scene& scene, const Tracer& tracer, dou
             std::vector<float> rows;
             Progress progress;
             const std::clock_t begin = std::clock();
-            const auto report = bake_diffuse(
+            const DiffuseReport report = or_exit(bake_diffuse(
                 job, scene, largest, tracer,
                 [&](std::span<const float> more) -> Expected<void> {
                     rows.insert(rows.end(), more.begin(), more.end());
                     return {};
                 },
-                progress);
+                progress));
             const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
-            if (!report) {
-                std::fprintf(stderr, "%s\n", report.error().message.c_str());
-                return 1;
-            }
             Rows baked{{}, truth.normals};
             for (const Place& place : places) {
                 const auto row = rows.begin() + static_cast<std::ptrdiff_t>(place.vertex * kRow);
                 baked.visibility.insert(baked.visibility.end(), row,
                                         row + static_cast<std::ptrdiff_t>(kRow));
             }
-            // An open vertex: nothing of its row is missing.
-            const std::vector<double> up = [] {
-                std::vector<double> row(kRow);
-                unoccluded_transport(kRowBands, {0, 0, 1}, row);
-                return row;
-            }();
-            const Rows open{{up.begin(), up.end()}, {0, 0, 1}};
-            double white = 0;
-            const std::vector<float> of_open = open.matrix(matrices, view, 0, r);
-            for (std::size_t i = 0; i < kMatrix; i += 2)
-                white += std::pow(double{of_open[i]} + double{of_open[i + 1]}, 2);
-
-            std::vector<double> of_matrices(places.size()), of_transport(places.size(), 0);
-            const double norm = unoccluded_norm(kBands);
+            const double white = white_squared(matrices, view, r), norm = unoccluded_norm(kBands);
+            std::vector<double> of_matrices(places.size()), of_transport(places.size());
             parallel_for(places.size(), [&](std::size_t p) {
                 const std::vector<float> t = baked.matrix(matrices, view, p, r),
                                          exact = truth.matrix(matrices, view, p, r);
@@ -147,24 +141,23 @@ int check(const std::string& name, const Scene& scene, const Tracer& tracer, dou
                     sum += std::pow(r0 * (double{t[i]} - double{exact[i]}) +
                                         (double{t[i + 1]} - double{exact[i + 1]}),
                                     2);
-                of_matrices[p] = sum / white;
+                of_matrices[p] = std::sqrt(sum / white);
+                sum = 0;
                 for (std::size_t c = 0; c < sh::coeff_count(kBands); ++c)
-                    of_transport[p] += std::pow((double{baked.visibility[p * kRow + c]} -
-                                                 double{truth.visibility[p * kRow + c]}) /
-                                                    norm,
-                                                2);
+                    sum += std::pow(double{baked.visibility[p * kRow + c]} -
+                                        double{truth.visibility[p * kRow + c]},
+                                    2);
+                of_transport[p] = std::sqrt(sum) / norm;
             });
             const auto count = static_cast<double>(mesh.vertex_count());
             std::printf("%s,%g,%g,%zu,%.1f,%.2f,%.3f,%.3e,%.3e,%.3e\n", name.c_str(), roughness, r0,
                         mesh.vertex_count(),
-                        static_cast<double>(report->ray_count + report->check_ray_count) / count,
-                        1e6 * seconds / count, rms_of(of_matrices) / rms_of(of_transport),
-                        rms_of(of_transport), rms_of(of_matrices),
-                        report->row_error * report->error_rms);
+                        static_cast<double>(report.ray_count + report.check_ray_count) / count,
+                        1e6 * seconds / count, rms(of_matrices) / rms(of_transport),
+                        rms(of_transport), rms(of_matrices), report.row_error * report.error_rms);
             std::fflush(stdout);
         }
     }
-    return 0;
 }
 
 }  // namespace
@@ -177,16 +170,7 @@ int main(int argc, char** argv) {
         return 2;
     }
     const std::filesystem::path file = argv[1];
-    const auto scene = read_scene(file, {.textures = false});
-    if (!scene) {
-        std::fprintf(stderr, "%s\n", scene.error().message.c_str());
-        return 1;
-    }
-    const auto tracer = Tracer::build(*scene);
-    if (!tracer) {
-        std::fprintf(stderr, "%s\n", tracer.error().message.c_str());
-        return 1;
-    }
-    return bench::check(file.stem().string(), *scene, *tracer,
-                        argc == 3 ? std::atof(argv[2]) : 1e-2);
+    const Scene scene = bench::or_exit(read_scene(file, {.textures = false}));
+    const Tracer tracer = bench::or_exit(Tracer::build(scene));
+    bench::check(file.stem().string(), scene, tracer, argc == 3 ? std::atof(argv[2]) : 1e-2);
 }

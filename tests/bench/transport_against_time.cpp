@@ -28,6 +28,7 @@
 #include "baker/transport/visible_transport.h"
 #include "tests/bench/baked_scene.h"
 #include "tests/bench/bare_rays.h"
+#include "tests/bench/or_exit.h"
 #include "tests/bench/sampled_transport.h"
 #include "tests/bench/transport_truth.h"
 #include "tests/unit/trace/shapes.h"
@@ -352,20 +353,12 @@ int main(int argc, char** argv) {
     if (names.empty())
         names = {"stanford_bunny", "shader_ball", "dungeon_hall", "japanese_bridge_garden"};
     for (const std::string& name : names) {
-        auto scene =
+        Scene scene = bench::or_exit(
             read_scene(std::filesystem::path(ENVBAKE_TEST_DATA) / "meshes" / (name + ".glb"),
-                       {.textures = false});
-        if (!scene) {
-            std::fprintf(stderr, "%s\n", scene.error().message.c_str());
-            return 1;
-        }
-        const auto tracer = Tracer::build(*scene);
-        if (!tracer) {
-            std::fprintf(stderr, "%s\n", tracer.error().message.c_str());
-            return 1;
-        }
-        if (what == "ladder") bench::measure_ladder(name, *scene, *tracer);
-        if (what == "bare") bench::measure_bare(name, *scene, *tracer);
-        if (what == "bounces") bench::measure_bounces(name, *scene, *tracer);
+                       {.textures = false}));
+        const Tracer tracer = bench::or_exit(Tracer::build(scene));
+        if (what == "ladder") bench::measure_ladder(name, scene, tracer);
+        if (what == "bare") bench::measure_bare(name, scene, tracer);
+        if (what == "bounces") bench::measure_bounces(name, scene, tracer);
     }
 }

@@ -14,6 +14,7 @@
 // a mesh.
 #include "baker/input/read_scene.h"
 #include "tests/bench/baked_scene.h"
+#include "tests/bench/or_exit.h"
 #include "tests/bench/transport_truth.h"
 
 #include <cmath>
@@ -49,13 +50,8 @@ int check_scene(const std::string& name, const Scene& scene, const Tracer& trace
         std::vector<BakedMesh> baked;
         for (int run = 0; run < 3; ++run) {
             const double begin = cpu_seconds();
-            auto result = bake_scene({.bands = kBands, .tolerance = tolerance}, scene, tracer);
-            if (!result) {
-                std::fprintf(stderr, "%s\n", result.error().message.c_str());
-                return 1;
-            }
+            baked = or_exit(bake_scene({.bands = kBands, .tolerance = tolerance}, scene, tracer));
             least = std::min(least, cpu_seconds() - begin);
-            baked = std::move(*result);
         }
         double rays = 0, check_rays = 0, solved = 0, traced = 0, square = 0, stated_p999 = 0;
         for (const BakedMesh& mesh : baked) {
@@ -129,18 +125,10 @@ int main(int argc, char** argv) {
         return 2;
     }
     const std::filesystem::path file = argv[at++];
-    const auto scene = read_scene(file, {.textures = false});
-    if (!scene) {
-        std::fprintf(stderr, "%s\n", scene.error().message.c_str());
-        return 1;
-    }
-    const auto tracer = Tracer::build(*scene);
-    if (!tracer) {
-        std::fprintf(stderr, "%s\n", tracer.error().message.c_str());
-        return 1;
-    }
+    const Scene scene = bench::or_exit(read_scene(file, {.textures = false}));
+    const Tracer tracer = bench::or_exit(Tracer::build(scene));
     std::vector<double> tolerances;
     for (; at < argc; ++at) tolerances.push_back(std::atof(argv[at]));
-    return by_mesh ? bench::check_meshes(*scene, *tracer, tolerances)
-                   : bench::check_scene(file.stem().string(), *scene, *tracer, tolerances);
+    return by_mesh ? bench::check_meshes(scene, tracer, tolerances)
+                   : bench::check_scene(file.stem().string(), scene, tracer, tolerances);
 }

@@ -34,6 +34,7 @@
 #include "baker/transport/wavelet_block.h"
 #include "baker/transport/wavelet_transport.h"
 #include "envbake/runtime/sh.h"
+#include "tests/bench/or_exit.h"
 #include "tests/bench/transport_truth.h"
 
 #include <algorithm>
@@ -306,18 +307,15 @@ class MapCheck {
 int run(const std::filesystem::path& scene_file, int face_size,
         const std::vector<std::filesystem::path>& maps) {
     start_image_worker();
-    const auto scene = read_scene(scene_file);
-    if (!scene) return std::fprintf(stderr, "%s\n", scene.error().message.c_str());
-    const auto tracer = Tracer::build(*scene);
-    if (!tracer) return std::fprintf(stderr, "%s\n", tracer.error().message.c_str());
+    const Scene scene = or_exit(read_scene(scene_file));
+    const Tracer tracer = or_exit(Tracer::build(scene));
     const WaveletJob job{.face_size = face_size, .tolerance = kTolerance};
     const std::string name = scene_file.stem().string();
-    const Sample sample = take_sample(*scene, *tracer, job);
+    const Sample sample = take_sample(scene, tracer, job);
     std::puts(
         "scene,face_size,vertices,rays,every_texel_rays,us,every_texel_us,bytes,diffuse_us,"
         "diffuse_bytes");
-    if (const int status = bake_whole(name, *scene, *tracer, job, sample); status != 0)
-        return status;
+    if (const int status = bake_whole(name, scene, tracer, job, sample); status != 0) return status;
     std::puts("scene,face_size,map,outlines,rounding,texels,terms,whole");
     std::vector<Environment> environments;
     for (const auto& map : maps) {
@@ -328,7 +326,7 @@ int run(const std::filesystem::path& scene_file, int face_size,
     std::vector<MapCheck> checks;
     for (std::size_t i = 0; i < maps.size(); ++i)
         checks.emplace_back(name, maps[i].stem().string(), sample, job, environments[i]);
-    for (const MapCheck& check : checks) check.print_errors(*tracer);
+    for (const MapCheck& check : checks) check.print_errors(tracer);
     std::puts("curve,scene,face_size,map,kept,number,light_bytes,error");
     for (const MapCheck& check : checks) check.print_curves();
     return 0;

@@ -120,28 +120,39 @@ class ExitFit {
     std::vector<std::vector<double>> above_, below_, inverse_;
 };
 
-/// [exit][light] of one part, by brute force, in the frame of the normal.
+/// By brute force, in the frame of the normal: exit coefficients of light from single directions.
+class ExitOfLight {
+  public:
+    ExitOfLight(const Lobe& lobe, int bands)
+        : lobe_(lobe), views_(directions(20, 40, 0, 2 * pi)), fit_(views_, bands) {}
+
+    std::vector<double> operator()(const Direction& light, int part) const {
+        std::vector<double> radiance;
+        for (const Direction& view : views_)
+            radiance.push_back(
+                light.weight * light.w.z *
+                brdf(lobe_.distribution, lobe_.roughness * lobe_.roughness, light.w, view.w, part));
+        return fit_(radiance);
+    }
+
+  private:
+    Lobe lobe_;
+    std::vector<Direction> views_;
+    ExitFit fit_;
+};
+
+/// [exit][light] of one part.
 std::vector<std::vector<double>> matrix(const Lobe& lobe, int part, int exit_bands, int light_bands,
                                         const std::vector<Direction>& lights) {
-    const std::vector<Direction> views = directions(20, 40, 0, 2 * pi);
-    const ExitFit fit(views, exit_bands);
-    const auto light_count = static_cast<std::size_t>(light_bands * light_bands);
-    std::vector<std::vector<double>> radiance(light_count, std::vector<double>(views.size(), 0));
-    std::vector<double> basis(light_count);
+    const ExitOfLight exit_of(lobe, exit_bands);
+    std::vector<double> basis(static_cast<std::size_t>(light_bands * light_bands));
+    std::vector<std::vector<double>> t(static_cast<std::size_t>(exit_bands * exit_bands),
+                                       std::vector<double>(basis.size()));
     for (const Direction& light : lights) {
         sh::evaluate(light_bands, light.w.x, light.w.y, light.w.z, basis.data());
-        for (std::size_t v = 0; v < views.size(); ++v) {
-            const double f =
-                light.weight * light.w.z *
-                brdf(lobe.distribution, lobe.roughness * lobe.roughness, light.w, views[v].w, part);
-            for (std::size_t i = 0; i < light_count; ++i) radiance[i][v] += f * basis[i];
-        }
-    }
-    std::vector<std::vector<double>> t(static_cast<std::size_t>(exit_bands * exit_bands),
-                                       std::vector<double>(light_count));
-    for (std::size_t i = 0; i < light_count; ++i) {
-        const std::vector<double> exit = fit(radiance[i]);
-        for (std::size_t j = 0; j < exit.size(); ++j) t[j][i] = exit[j];
+        const std::vector<double> exit = exit_of(light, part);
+        for (std::size_t j = 0; j < exit.size(); ++j)
+            for (std::size_t i = 0; i < basis.size(); ++i) t[j][i] += exit[j] * basis[i];
     }
     return t;
 }
@@ -278,15 +289,11 @@ TEST(Glossy, ABakeIsWithinItsStatedError) {
     // A grid over the squared cosine, so fine that edges across it err by a tenth of the tolerance.
     const std::vector<Direction> sky = directions(96, 192, 0, 2 * pi);
     std::vector<std::vector<double>> basis, exit;  // of light from each direction
-    const std::vector<Direction> views = directions(20, 40, 0, 2 * pi);
-    const ExitFit fit(views, expansion.exit_bands);
+    const ExitOfLight exit_of(lobe, expansion.exit_bands);
     for (const Direction& light : sky) {
-        std::vector<double> radiance;
-        for (const Direction& view : views)
-            radiance.push_back(light.weight * light.w.z *
-                               (brdf(lobe.distribution, 0.36, light.w, view.w, 0) +
-                                brdf(lobe.distribution, 0.36, light.w, view.w, 1)));
-        exit.push_back(fit(radiance));
+        exit.push_back(exit_of(light, 0));
+        const std::vector<double> of_b = exit_of(light, 1);
+        for (std::size_t j = 0; j < of_b.size(); ++j) exit.back()[j] += of_b[j];
         basis.emplace_back(25);
         sh::evaluate(5, light.w.x, light.w.y, light.w.z, basis.back().data());
     }
