@@ -125,6 +125,13 @@ TEST_F(Commands, InstructionsOfTheRaysArePinned) {
     EXPECT_EQ(dump()["metadata"]["options"]["isa"], "sse4.2");
     const json difference = json::parse(envbake({"diff", best, bundle_, "--json"}).out);
     EXPECT_GE(difference["metadata"].size(), 2u) << difference;  // the option and a key
+    bool option = false, key = false;
+    for (const json& entry : difference["metadata"]) {
+        const auto path = entry["path"].get<std::string>();
+        option |= path == "/options/isa";
+        key |= path.starts_with("/plan/") && path.ends_with("/key");
+    }
+    EXPECT_TRUE(option && key) << difference;
     for (const json& array : difference["arrays"]) EXPECT_LT(array["relative_rms"], 1e-2) << array;
     const Outcome wrong = envbake(bake_arguments({"--isa", "sse9"}));
     EXPECT_EQ(wrong.status, 2);
