@@ -49,6 +49,7 @@ struct KnownName {
         Emitted,
         Glossy,
         Normal,
+        Reflected,
         Lobe,
         Wavelet,
         Question,
@@ -150,6 +151,7 @@ KnownName known_name(std::string_view name) {
         if (mesh && name == "/unshadowed") return {Kind::Unshadowed, *mesh};
         if (mesh && name == "/glossy") return {Kind::Glossy, *mesh};
         if (mesh && name == "/normal") return {Kind::Normal, *mesh};
+        if (mesh && name == "/reflected") return {Kind::Reflected, *mesh};
     }
     return {};
 }
@@ -407,6 +409,14 @@ class Validation {
                 require_shape(info, rule::kNormalShape, info.rank == 2 && s[1] == 3,
                               "[vertices, 3]");
                 break;
+            case Kind::Reflected:
+                require_type(info, rule::kReflectedType, {ElementType::F16});
+                require_shape(info, rule::kReflectedShape,
+                              (info.rank == 3 || (info.rank == 4 && s[3] == 3)) &&
+                                  is_reflected(s[1] + 1, s[2]),
+                              "[vertices, d^2 - 1, n*n] or [vertices, d^2 - 1, n*n, 3] for n of 1 "
+                              "to 5 and d of 2 to 4, at most n");
+                break;
             case Kind::Lobe:  // its columns follow from the metadata
                 require_type(info, rule::kLobeType, {ElementType::F32});
                 require_shape(info, rule::kLobeShape, info.rank == 3 && s[0] > 0 && s[1] == 2,
@@ -430,6 +440,13 @@ class Validation {
                 break;
             }
         }
+    }
+
+    static bool is_reflected(std::uint64_t functions, std::uint64_t light_coeffs) {
+        for (std::uint64_t n = 1; n <= runtime::kMaxGlossyBands; ++n)
+            for (std::uint64_t d = 2; d <= runtime::kMaxReflectedBands && d <= n; ++d)
+                if (light_coeffs == n * n && functions == d * d) return true;
+        return false;
     }
 
     /// n where columns = (n + 6)^2 for n of 1 to 5, otherwise 0.
@@ -556,6 +573,7 @@ class Validation {
             const format::ArrayInfo info = reader_.array(i);
             const KnownName known = known_name(info.name);
             if (known.kind == KnownName::Kind::Normal) check_normals(info);
+            if (known.kind == KnownName::Kind::Reflected) check_reflected(info, known.number);
             if (known.kind != KnownName::Kind::Glossy) continue;
             if (!reader_.find(concat("mesh/", known.number, "/normal")))
                 add(rule::kNormalMissing, concat("array mesh/", known.number,
@@ -570,6 +588,18 @@ class Validation {
                                " lighting bands, brdf.", lobe->brdf, "_lobe of others"));
             }
         }
+    }
+
+    /// It changes what glossy transport takes from diffuse transport.
+    void check_reflected(const format::ArrayInfo& info, std::uint64_t mesh) {
+        const auto glossy = reader_.find(concat("mesh/", mesh, "/glossy"));
+        const bool diffuse = reader_.find(concat("mesh/", mesh, "/diffuse")) ||
+                             reader_.find(concat("mesh/", mesh, "/diffuse_weights"));
+        const std::uint64_t n = glossy ? light_bands_of(glossy->shape[1]) : 0;
+        if (!diffuse || n * n != info.shape[2])
+            add(rule::kReflectedAlone, concat("array ", info.name,
+                                              " is without diffuse transport, or without glossy "
+                                              "transport of its lighting bands"));
     }
 
     void check_normals(const format::ArrayInfo& info) {
@@ -650,8 +680,9 @@ class Validation {
                 add(rule::kMeshAbsent,
                     concat("meshes[", known.number, "] is missing, but ", info.name, " is not"));
             using Kind = KnownName::Kind;
-            const auto of_a_mesh = {Kind::Diffuse, Kind::Emitted, Kind::Unshadowed, Kind::Glossy,
-                                    Kind::Normal,  Kind::Weights, Kind::Cluster};
+            const auto of_a_mesh = {Kind::Diffuse, Kind::Emitted, Kind::Unshadowed,
+                                    Kind::Glossy,  Kind::Normal,  Kind::Reflected,
+                                    Kind::Weights, Kind::Cluster};
             if (std::find(of_a_mesh.begin(), of_a_mesh.end(), known.kind) == of_a_mesh.end())
                 continue;
             if (known.number >= meshes.size())

@@ -405,6 +405,19 @@ format::Expected<void> Bundle::resolve_glossy(std::uint64_t mesh, GlossyView& gl
     }
     ENVBAKE_TRY(glossy.visibility, place(*visibility, arena));
     ENVBAKE_TRY(glossy.normals, place(*normals, arena));
+
+    const std::optional<ArrayInfo> reflected = reader_.find(Name("mesh/", mesh, "/reflected"));
+    if (!reflected) return {};
+    const bool coloured = reflected->rank == 4 && reflected->shape[3] == 3;
+    const int bands = bands_of(reflected->shape[1] + 1);
+    if (!(reflected->rank == 3 || coloured) || reflected->shape[0] != glossy.vertex_count ||
+        bands < 2 || bands > std::min(kMaxReflectedBands, glossy.light_bands) ||
+        bands_of(reflected->shape[2]) != glossy.light_bands) {
+        return error_in(Errc::ArrayShape, *reflected);
+    }
+    glossy.reflected_bands = bands;
+    glossy.reflected_channels = coloured ? 3 : 1;
+    ENVBAKE_TRY(glossy.reflected, place(*reflected, arena));
     return {};
 }
 

@@ -21,6 +21,7 @@ constexpr int kMostVisibilityBands = kMaxGlossyBands + kExtraVisibilityBands;
 constexpr std::size_t kMaxLight = kMaxGlossyBands * kMaxGlossyBands;
 constexpr std::size_t kMaxKernel = kLobeBands * kLobeBands;
 constexpr std::size_t kMaxVisibility = kMostVisibilityBands * kMostVisibilityBands;
+constexpr std::size_t kMaxReflected = kMaxReflectedBands * kMaxReflectedBands;
 
 std::size_t square(int bands) {
     return static_cast<std::size_t>(sh::coeff_count(bands));
@@ -131,6 +132,8 @@ class SphereRule {
             z_[static_cast<std::size_t>(i)] = z;
             weight_[static_cast<std::size_t>(i)] =
                 2 / ((1 - z * z) * slope * slope) * 2 * pi / kColumns;
+            sh::evaluate(kMostVisibilityBands, std::sqrt(1 - z * z), 0.0, z,
+                         meridian_[static_cast<std::size_t>(i)].data());
         }
     }
 
@@ -149,9 +152,52 @@ class SphereRule {
         }
     }
 
+    /// Slots sh::index; the orders' part in closed form.
+    double integral(const std::array<int, 3>& l, const std::array<int, 3>& m) const {
+        double sum = 0;
+        for (std::size_t i = 0; i < kRows; ++i) {
+            double product = weight_[i] * kColumns / (2 * pi);
+            for (std::size_t k = 0; k < 3; ++k) product *= meridian_[i][slot(l[k], std::abs(m[k]))];
+            sum += product;
+        }
+        return sum * around(m);
+    }
+
   private:
+    /// Integral over a turn of three factors, each cos(m phi), or sin(-m phi) where m < 0.
+    static double around(std::array<int, 3> m) {
+        std::sort(m.begin(), m.end());  // sines first
+        const auto cosines = [](int a, int b) { return pi * ((a == b) + (a == -b)); };
+        const int a = m[0], b = m[1], c = m[2];
+        if (a >= 0) return (cosines(a + b, c) + cosines(a - b, c)) / 2;
+        if (b < 0 && c >= 0) return (cosines(a - b, c) - cosines(a + b, c)) / 2;
+        return 0;
+    }
+
     std::array<double, kRows> z_, weight_;
+    std::array<std::array<double, kMaxVisibility>, kRows> meridian_;  ///< the basis at phi = 0
 };
+
+/// Those whose first function is one of begin .. end - 1; as many as there is room for.
+std::size_t list_products(int first_band, int end_band, std::span<TripleProduct> out) {
+    const SphereRule rule;
+    std::size_t count = 0;
+    for (int a = first_band; a < end_band; ++a)
+        for (int i = -a; i <= a; ++i)
+            for (int b = 0; b < kLobeBands; ++b)
+                for (int k = -b; k <= b; ++k)
+                    // The product has degrees |a - b|, |a - b| + 2, ..., a + b.
+                    for (int c = std::abs(a - b); c <= a + b; c += 2)
+                        for (int m = -c; m <= c; ++m) {
+                            const double integral = rule.integral({a, b, c}, {i, k, m});
+                            if (std::abs(integral) < 1e-5 || count == out.size()) continue;
+                            out[count++] = {static_cast<std::uint8_t>(slot(a, i)),
+                                            static_cast<std::uint8_t>(slot(b, k)),
+                                            static_cast<std::uint8_t>(slot(c, m)),
+                                            static_cast<float>(integral)};
+                        }
+    return count;
+}
 
 /// V of a place that sees everything, less V. False: there is no such vertex, or it has no normal.
 bool blocked_part(const GlossyView& transport, std::uint64_t vertex, Vec3& normal,
@@ -196,24 +242,45 @@ std::array<float, kColumns> product_of(const std::array<float, kRows>& factors,
     return result;
 }
 
-/// Radiance that surfaces send to a vertex, the mean over the directions that they block, weighted
-/// by the cosine: what diffuse transport has beyond the sky's, by the blocked share.
-Rgb mean_of_blocked(const Mesh& mesh, std::uint64_t vertex, float blocked_0,
-                    std::span<const Rgb> lighting) {
-    const float blocked_share = blocked_0 * std::sqrt(4 * std::numbers::pi_v<float>);
+/// Radiance that surfaces send to a vertex under some lighting, in SH: the mean over the directions
+/// that they block, weighted by the cosine, which diffuse transport has beyond the sky's; and what
+/// "mesh/I/reflected" says of single directions.
+struct SurfaceLight {
+    int bands = 0;  ///< 0: none
+    std::array<Rgb, kMaxReflected> coeffs{};
+};
+
+SurfaceLight light_of_surfaces(const Mesh& mesh, std::uint64_t vertex,
+                               const std::array<float, kMaxVisibility>& blocked,
+                               std::span<const Rgb> lighting) {
+    static constexpr float kRoot4Pi = 3.544907702f;  // 1 / Y_0
+    const GlossyView& glossy = mesh.glossy;
     const TransportView& diffuse = mesh.diffuse;
+    const float blocked_share = blocked[0] * kRoot4Pi;
     if (diffuse.bands == 0 || !(blocked_share > 1e-3f)) return {};
-    const std::size_t count = square(std::min(diffuse.bands, mesh.glossy.light_bands));
-    const ShLightingView light{mesh.glossy.light_bands,
-                               std::span(lighting[0].data(), 3 * lighting.size())};
-    Rgb sum;
-    diffuse_exit(diffuse, light, vertex, {&sum, 1});
-    const std::uint64_t direct = vertex * square(mesh.glossy.light_bands + kExtraVisibilityBands);
+    const std::size_t count = square(std::min(diffuse.bands, glossy.light_bands));
+    Rgb mean;
+    diffuse_exit(diffuse, {glossy.light_bands, std::span(lighting[0].data(), 3 * lighting.size())},
+                 vertex, {&mean, 1});
+    const std::uint64_t direct = vertex * square(glossy.light_bands + kExtraVisibilityBands);
     for (std::size_t i = 0; i < count; ++i)
         for (std::size_t c = 0; c < 3; ++c)
-            sum[c] -= lighting[i][c] * mesh.glossy.visibility[direct + i];
-    for (float& channel : sum) channel /= blocked_share;
-    return sum;
+            mean[c] -= lighting[i][c] * glossy.visibility[direct + i];
+
+    SurfaceLight light{glossy.reflected_bands, {}};
+    for (std::size_t c = 0; c < 3; ++c) light.coeffs[0][c] = mean[c] / blocked_share * kRoot4Pi;
+    const auto channels = static_cast<std::size_t>(glossy.reflected_channels);
+    const std::size_t functions = square(glossy.reflected_bands);
+    std::uint64_t r = vertex * (functions - 1) * lighting.size() * channels;
+    for (std::size_t q = 1; q < functions; ++q) {
+        for (std::size_t i = 0; i < lighting.size(); ++i, r += channels)
+            for (std::size_t c = 0; c < 3; ++c)
+                light.coeffs[q][c] += lighting[i][c] * glossy.reflected[r + c % channels];
+        const float mean_of_basis = blocked[q] / blocked_share;
+        for (std::size_t c = 0; c < 3; ++c)
+            light.coeffs[0][c] -= light.coeffs[q][c] * mean_of_basis * kRoot4Pi;
+    }
+    return light;
 }
 
 /// The two rows of the lobe's table around a roughness, of one of its arrays; a and b.
@@ -281,6 +348,7 @@ GlossyLight::GlossyLight(const ShLightingView& lighting, int light_bands) noexce
             }
         }
     });
+    reflected_count_ = list_products(1, kMaxReflectedBands, reflected_products_);
 }
 
 TransferredLight GlossyLight::transfer(const Mesh& mesh, std::uint64_t vertex) const noexcept {
@@ -296,13 +364,26 @@ TransferredLight GlossyLight::transfer(const Mesh& mesh, std::uint64_t vertex) c
     const std::size_t rows = square(bands_ + kExtraVisibilityBands);
     std::array<std::array<float, kColumns>, 3> products;
     for (std::size_t c = 0; c < 3; ++c) products[c] = product_of(blocked, product_[c], rows);
-    const Float4 from_surfaces = padded(
-        mean_of_blocked(mesh, vertex, blocked[0], std::span(lighting_).first(square(bands_))));
     std::array<Float4, kMaxKernel> kernel_side;
     for (std::size_t k = 0; k < kMaxKernel; ++k)
         kernel_side[k] = padded({products[0][k], products[1][k], products[2][k]});
-    for (std::size_t k = 0; k < std::min(rows, kMaxKernel); ++k)
-        kernel_side[k] = kernel_side[k] - blocked[k] * from_surfaces;
+    const SurfaceLight sent =
+        light_of_surfaces(mesh, vertex, blocked, std::span(lighting_).first(square(bands_)));
+    if (sent.bands > 0) {
+        std::array<Float4, kMaxReflected> coeffs;
+        for (std::size_t q = 0; q < kMaxReflected; ++q) coeffs[q] = padded(sent.coeffs[q]);
+        constexpr float kY0 = 0.282094792f;
+        for (std::size_t k = 0; k < std::min(rows, kMaxKernel); ++k)
+            kernel_side[k] = kernel_side[k] - kY0 * blocked[k] * coeffs[0];
+        const std::size_t functions = square(sent.bands);
+        for (std::size_t p = 0; p < reflected_count_ && reflected_products_[p].first < functions;
+             ++p) {
+            const TripleProduct& product = reflected_products_[p];
+            const float of_blocked = product.integral * blocked[product.visibility];
+            kernel_side[product.kernel] =
+                kernel_side[product.kernel] - of_blocked * coeffs[product.first];
+        }
+    }
     std::array<Float4, kMaxLight> lighting{};
     for (std::size_t i = 0; i < square(bands_); ++i) lighting[i] = padded(lighting_[i]);
 
@@ -362,61 +443,85 @@ GlossyExit reflect(const LobeView& lobe, const TransferredLight& light, float pe
     return exit;
 }
 
-GlossyMatrices::GlossyMatrices() noexcept {
-    // Basis functions at the nodes, so that a term is one sum.
-    std::array<std::array<float, kMaxVisibility>, SphereRule::kRows * SphereRule::kColumns> basis;
-    std::array<double, SphereRule::kRows * SphereRule::kColumns> weights;
-    std::size_t node = 0;
-    SphereRule().for_each_node([&](std::span<const double> values, double weight) {
-        for (std::size_t i = 0; i < kMaxVisibility; ++i)
-            basis[node][i] = static_cast<float>(values[i]);
-        weights[node++] = weight;
-    });
-    for (int a = 0; a < kMaxGlossyBands; ++a)
-        for (int i = -a; i <= a; ++i)
-            for (int b = 0; b < kLobeBands; ++b)
-                for (int k = -b; k <= b; ++k)
-                    // The product has degrees |a - b|, |a - b| + 2, ..., a + b.
-                    for (int c = std::abs(a - b); c <= a + b; c += 2)
-                        for (int m = -c; m <= c; ++m) {
-                            double sum = 0;
-                            for (std::size_t q = 0; q < weights.size(); ++q)
-                                sum += weights[q] * static_cast<double>(basis[q][slot(a, i)]) *
-                                       static_cast<double>(basis[q][slot(b, k)]) *
-                                       static_cast<double>(basis[q][slot(c, m)]);
-                            if (std::abs(sum) < 1e-5 || term_count_ == terms_.size()) continue;
-                            terms_[term_count_++] = {static_cast<std::uint8_t>(slot(a, i)),
-                                                     static_cast<std::uint8_t>(slot(b, k)),
-                                                     static_cast<std::uint8_t>(slot(c, m)),
-                                                     static_cast<float>(sum)};
-                        }
-}
+GlossyMatrices::GlossyMatrices() noexcept
+    : product_count_(list_products(0, kMaxGlossyBands, products_)) {}
+
+/// Of a vertex, beside the lobe.
+struct GlossyMatrices::Blocked {
+    int light_bands = 0;
+    Vec3 normal{};
+    std::array<float, kMaxVisibility> missing{};  ///< V of a place that sees everything, less V
+    /// [coefficient of the lighting]: what surfaces send where it is 1.
+    std::array<std::array<float, kMaxReflected>, kMaxLight> sent{};
+    std::size_t sent_functions = 0;
+};
 
 bool GlossyMatrices::expand(const LobeView& lobe, const GlossyView& transport, std::uint64_t vertex,
                             float perceptual_roughness, std::span<float> out) const noexcept {
-    if (!fits(lobe, transport.light_bands)) return false;
+    Blocked blocked;
+    blocked.light_bands = transport.light_bands;
+    return blocked_part(transport, vertex, blocked.normal, blocked.missing) &&
+           expand(lobe, blocked, perceptual_roughness, out);
+}
+
+bool GlossyMatrices::expand(const LobeView& lobe, const Mesh& mesh, std::uint64_t vertex,
+                            float perceptual_roughness, int channel,
+                            std::span<float> out) const noexcept {
+    Blocked blocked;
+    blocked.light_bands = mesh.glossy.light_bands;
+    if (channel < 0 || channel > 2 ||
+        !blocked_part(mesh.glossy, vertex, blocked.normal, blocked.missing))
+        return false;
+    Mesh without_emission = mesh;
+    without_emission.diffuse.emitted = {};
+    const auto c = static_cast<std::size_t>(channel);
+    for (std::size_t i = 0; i < square(blocked.light_bands); ++i) {
+        std::array<Rgb, kMaxLight> lighting{};
+        lighting[i][c] = 1;
+        const SurfaceLight sent =
+            light_of_surfaces(without_emission, vertex, blocked.missing,
+                              std::span(lighting).first(square(blocked.light_bands)));
+        blocked.sent_functions = square(sent.bands);
+        for (std::size_t q = 0; q < blocked.sent_functions; ++q)
+            blocked.sent[i][q] = sent.coeffs[q][c];
+    }
+    return expand(lobe, blocked, perceptual_roughness, out);
+}
+
+bool GlossyMatrices::expand(const LobeView& lobe, const Blocked& blocked,
+                            float perceptual_roughness, std::span<float> out) const noexcept {
+    if (!fits(lobe, blocked.light_bands)) return false;
     const std::size_t light_count = square(lobe.light_bands), exit_count = square(lobe.exit_bands);
     if (out.size() != exit_count * light_count * 2) return false;
-    Vec3 normal;
-    std::array<float, kMaxVisibility> blocked;
-    if (!blocked_part(transport, vertex, normal, blocked)) return false;
-    const std::array<Vec3, 3> frame = frame_about(normal);
+    const std::array<Vec3, 3> frame = frame_about(blocked.normal);
     const FrameTurn turn{quarter_turn_, frame};
     const Row unoccluded =
         interpolated(lobe, lobe.unoccluded, lobe.light_bands, perceptual_roughness);
     const Row kernel = interpolated(lobe, lobe.kernel, kLobeBands, perceptual_roughness);
 
+    // What is blocked of each function, towards the kernel: of the lighting's, and of the few that
+    // surfaces send light in.
+    std::array<std::array<float, kMaxKernel>, kMaxLight> blocked_of{};
+    for (std::size_t p = 0; p < product_count_ && products_[p].first < light_count; ++p) {
+        const TripleProduct& product = products_[p];
+        blocked_of[product.first][product.kernel] +=
+            product.integral * blocked.missing[product.visibility];
+    }
+
     // Float4 of the lighting's functions at once: each of them, and what is blocked of it.
-    const Term* term = terms_.data();
-    const Term* const end = term + term_count_;
     for (std::size_t first = 0; first < light_count; first += 4) {
         std::array<Float4, kMaxLight> lit{};
         std::array<Float4, kMaxKernel> transferred{};
-        for (std::size_t lane = 0; lane < 4 && first + lane < light_count; ++lane)
-            lit[first + lane][lane] = 1;
-        for (; term != end && term->light < first + 4; ++term)
-            transferred[term->kernel][term->light - first] +=
-                term->integral * blocked[term->visibility];
+        for (std::size_t lane = 0; lane < 4 && first + lane < light_count; ++lane) {
+            const std::size_t i = first + lane;
+            lit[i][lane] = 1;
+            for (std::size_t k = 0; k < kMaxKernel; ++k) {
+                float sum = blocked_of[i][k];
+                for (std::size_t q = 0; q < blocked.sent_functions; ++q)
+                    sum -= blocked.sent[i][q] * blocked_of[q][k];
+                transferred[k][lane] = sum;
+            }
+        }
         turn.to_frame(lobe.light_bands, lit.data());
         turn.to_frame(kLobeBands, transferred.data());
         for (std::size_t part = 0; part < 2; ++part) {

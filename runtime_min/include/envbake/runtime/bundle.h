@@ -116,12 +116,16 @@ struct TransportView {
         emitted;  ///< [vertex_count, 3]: what shining surfaces send, W sr^-1 m^-2; count 0: none
 };
 
-/// "mesh/I/glossy" and "mesh/I/normal": what glossy.h makes transport matrices from.
+/// "mesh/I/glossy", "mesh/I/normal" and "mesh/I/reflected": what glossy.h makes transport matrices
+/// from.
 struct GlossyView {
     std::uint64_t vertex_count = 0;
-    int light_bands = 0;   ///< 1 .. 5; 0: this mesh has none
-    FloatView visibility;  ///< [vertex_count, (light_bands + kExtraVisibilityBands)^2]
-    FloatView normals;     ///< [vertex_count, 3], unit, or 0 of a vertex without one
+    int light_bands = 0;         ///< 1 .. 5; 0: this mesh has none
+    FloatView visibility;        ///< [vertex_count, (light_bands + kExtraVisibilityBands)^2]
+    FloatView normals;           ///< [vertex_count, 3], unit, or 0 of a vertex without one
+    int reflected_bands = 1;     ///< 1: surfaces send their mean to all their directions
+    int reflected_channels = 1;  ///< 1: the same for red, green, blue
+    FloatView reflected{};       ///< [vertex_count, reflected_bands^2 - 1, light_bands^2, channels]
 };
 
 /// "brdf/ggx_lobe/..." and "brdf/beckmann_lobe/...": the lobe in SH, by roughness (lobe.h).

@@ -30,10 +30,11 @@ namespace envbake::runtime {
 //     t_ij = u_ji - sum_k k_jk sum_m G_ikm B_m       (u and k turned to the vertex' normal)
 //
 // So a vertex that sees everything has exactly the lobe's own matrix. Where light bounces, the
-// blocked directions send light themselves: the mean of what "mesh/I/diffuse" has from them, all of
-// them the same. In a furnace nothing is lost. [Sloan02] section 4 stores
-// the matrices; that they are products of a vector follows from the basis being closed under
-// multiplication. Nothing here allocates or throws; pure functions, for any number of threads.
+// blocked directions send light themselves: the mean of what "mesh/I/diffuse" has from them, and
+// what "mesh/I/reflected", where the bundle has it, moves from one of them to another. In a furnace
+// nothing is lost. [Sloan02] section 4 stores the matrices; that they are products of a vector
+// follows from the basis being closed under multiplication. Nothing here allocates or throws; pure
+// functions, for any number of threads.
 
 /// What reaches a vertex, about its normal: enough for every lobe and view.
 struct TransferredLight {
@@ -51,13 +52,21 @@ struct ShQuarterTurn {
     std::array<float, 455> elements;  ///< band by band, row by row
 };
 
-/// Lighting, prepared for many vertices: sum_i G_ikm l_i. 83 kB.
+/// An integral of three basis functions that is not 0: G of `first`, `kernel` and `visibility`,
+/// slots sh::index.
+struct TripleProduct {
+    std::uint8_t first, kernel, visibility;
+    float integral;
+};
+
+/// Lighting, prepared for many vertices: sum_i G_ikm l_i. 105 kB.
 class GlossyLight {
   public:
     /// Bands of the lighting beyond those of the transport are left out.
     GlossyLight(const ShLightingView& lighting, int light_bands) noexcept;
 
-    /// Some 20,000 multiply-adds. Of a vertex past the end, or of a mesh without glossy transport
+    /// Some 20,000 multiply-adds, and up to 10,000 more by "mesh/I/reflected". Of a vertex past the
+    /// end, or of a mesh without glossy transport
     /// or with that of other bands: nothing.
     [[nodiscard]] TransferredLight transfer(const Mesh& mesh, std::uint64_t vertex) const noexcept;
 
@@ -72,6 +81,8 @@ class GlossyLight {
     std::array<Rgb, kMaxGlossyBands * kMaxGlossyBands> lighting_{};
     alignas(64) std::array<
         std::array<std::array<float, kColumns>, kVisibilityBands * kVisibilityBands>, 3> product_{};
+    std::size_t reflected_count_ = 0;
+    std::array<TripleProduct, 2817> reflected_products_;  ///< of the first 16, but Y_0; first rises
 };
 
 /// Exit radiance of one vertex and lobe, about its normal.
@@ -95,7 +106,7 @@ class GlossyMatrices {
   public:
     GlossyMatrices() noexcept;
 
-    /// The matrices a and b of one vertex, in world space, without light between surfaces: some
+    /// The matrices a and b of one vertex, in world space, of light that comes from outside: some
     /// 80,000 multiply-adds.
     ///   out   [lobe.exit_bands^2, transport.light_bands^2, 2]: exit, lighting, a and b
     ///   return  false, and nothing written: out has another size, the vertex is past the end or
@@ -104,14 +115,21 @@ class GlossyMatrices {
                               std::uint64_t vertex, float perceptual_roughness,
                               std::span<float> out) const noexcept;
 
+    /// With all that surfaces reflect on its way, which has a colour. What they emit is in no
+    /// matrix.
+    ///   channel  0 .. 2: red, green or blue
+    [[nodiscard]] bool expand(const LobeView& lobe, const Mesh& mesh, std::uint64_t vertex,
+                              float perceptual_roughness, int channel,
+                              std::span<float> out) const noexcept;
+
   private:
-    struct Term {
-        std::uint8_t light, kernel, visibility;
-        float integral;
-    };
+    struct Blocked;
+    bool expand(const LobeView& lobe, const Blocked& blocked, float perceptual_roughness,
+                std::span<float> out) const noexcept;
+
     ShQuarterTurn quarter_turn_;
-    std::size_t term_count_ = 0;
-    std::array<Term, 5175> terms_{};  ///< all that are not 0, the lighting's index rising
+    std::size_t product_count_ = 0;
+    std::array<TripleProduct, 5175> products_;  ///< first: of the lighting, rising
 };
 
 }  // namespace envbake::runtime

@@ -16,6 +16,9 @@ inline constexpr int kLobeBands = 7;
 /// Bands of "mesh/I/glossy" beyond those of the lighting: the degrees of a product add.
 inline constexpr int kExtraVisibilityBands = kLobeBands - 1;
 
+/// Most bands in which "mesh/I/reflected" has light that surfaces send.
+inline constexpr int kMaxReflectedBands = 4;
+
 /// Numbers before the block of `m`; before the end for m = least of both bands.
 constexpr std::size_t lobe_block(int exit_bands, int bands, int m) {
     std::size_t before = 0;
