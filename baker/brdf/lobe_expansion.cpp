@@ -386,6 +386,27 @@ AxialForm error_of_row(const LobeExpansionJob& job, const Expanded& expanded, do
     return form;
 }
 
+/// LobeErrors::of_reflected.
+AxialForm error_of_reflected(int exit, const Expanded& expanded, double r0) {
+    AxialForm form{kLobeBands, {}};
+    const double white_squared = of_lobe(expanded.unoccluded_squared, 1);
+    for (int m = 0; m < kLobeBands; ++m) {
+        for (int l = m; l < kLobeBands; ++l) {
+            for (int k = m; k < kLobeBands; ++k) {
+                double sum = 0;
+                for (int j = m; j < exit; ++j) {
+                    const std::size_t at_l = lobe_slot(exit, kLobeBands, m, j, l),
+                                      at_k = lobe_slot(exit, kLobeBands, m, j, k);
+                    sum += (r0 * expanded.kernel[0][at_l] + expanded.kernel[1][at_l]) *
+                           (r0 * expanded.kernel[0][at_k] + expanded.kernel[1][at_k]);
+                }
+                form.elements.push_back(sum / white_squared);
+            }
+        }
+    }
+    return form;
+}
+
 }  // namespace
 
 LobeExpansion expand_lobe(const LobeExpansionJob& job) {
@@ -418,6 +439,7 @@ LobeErrors lobe_errors(const LobeExpansionJob& job, double perceptual_roughness,
     const auto root = [](double x) { return std::sqrt(std::max(x, 0.0)); };
     return {
         .of_row = error_of_row(job, expanded, r0),
+        .of_reflected = error_of_reflected(job.exit_bands, expanded, r0),
         .per_transport_error =
             root(of_lobe(expanded.kernel_squared, r0) * diffuse_squared / white_squared),
         .per_rounding_error = root(of_lobe(expanded.kernel_elements_squared, r0) * job.light_bands *

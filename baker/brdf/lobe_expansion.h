@@ -53,6 +53,9 @@ struct LobeErrors {
     /// The square of the error of t by the errors of a row of "mesh/I/glossy", about the normal:
     /// sum_ij (sum_k k_jk sum_m G_ikm x_m)^2.
     AxialForm of_row;
+    /// The same by the errors x of light that surfaces send, weighted by the cosine, in kLobeBands
+    /// bands about the normal: sum_j (sum_k k_jk x_k)^2 for each coefficient of the lighting.
+    AxialForm of_reflected;
     /// By which the error of diffuse transport (DiffuseJob::tolerance, of light_bands) were
     /// multiplied to have that of t, both from the same rays, were outlines of what is blocked
     /// anywhere alike. They are not: most are near the horizon, where a lobe reflects the most.

@@ -67,6 +67,9 @@ Json conventions() {
          "than "
          "the lighting; with mesh/I/normal and brdf/..._lobe it makes the matrices t of exit "
          "radiance sum_j (sum_i l_i t_ij) Y_j(o), t = R0 a + b"},
+        {"reflected",
+         "r_qi: to the blocked directions of a vertex surfaces send a mean, by mesh/I/diffuse, and "
+         "sum_q (sum_i l_i r_qi) (Y_q(w) - mean of Y_q) more"},
         {"emitted", "what surfaces that shine send to a vertex, 1/pi integral of L cos, RGB"},
         {"roughness", "perceptual, alpha = roughness^2; mip k of n holds roughness k / (n - 1)"},
         {"mips",
@@ -187,9 +190,16 @@ Json bounces_json(const BounceReport& r) {
 }
 
 Json glossy_json(const BakeReport::Glossy& g) {
-    return {{"light_bands", g.light_bands},           {"rays", g.rays.ray_count},
-            {"error_rms", rounded(g.error_rms)},      {"error_p999", rounded(g.error_p999)},
-            {"expansion_error", rounded(g.lobe.fit)}, {"lost_by_exit_bands", rounded(g.lobe.lost)}};
+    Json json = {
+        {"light_bands", g.light_bands},           {"rays", g.rays.ray_count},
+        {"error_rms", rounded(g.error_rms)},      {"error_p999", rounded(g.error_p999)},
+        {"expansion_error", rounded(g.lobe.fit)}, {"lost_by_exit_bands", rounded(g.lobe.lost)}};
+    if (g.reflected)
+        json["reflected"] = {{"bands", g.reflected->bands},
+                             {"every_blocked_ray", rounded(g.reflected->stride)},
+                             {"error_rms", rounded(g.reflected->error_rms)},
+                             {"error_p999", rounded(g.reflected->error_p999)}};
+    return json;
 }
 
 Json lobe_json(const BakeReport::ExpandedLobe& lobe) {
@@ -315,6 +325,13 @@ BakeReport::Glossy read_glossy(const Json& json, const LobeErrors& lobe) {
     read(json, "rays", g.rays.ray_count);
     read(json, "error_rms", g.error_rms);
     read(json, "error_p999", g.error_p999);
+    if (const auto reflected = json.find("reflected"); reflected != json.end()) {
+        g.reflected.emplace();
+        read(*reflected, "bands", g.reflected->bands);
+        read(*reflected, "every_blocked_ray", g.reflected->stride);
+        read(*reflected, "error_rms", g.reflected->error_rms);
+        read(*reflected, "error_p999", g.reflected->error_p999);
+    }
     return g;
 }
 

@@ -57,7 +57,8 @@ struct BakeReport {
         DiffuseReport rays;
         int light_bands = 0;
         LobeErrors lobe;
-        double error_rms = 0, error_p999 = 0;  ///< of rays and of the lobe's expansion
+        double error_rms = 0, error_p999 = 0;        ///< of rays, expansion and bounces
+        std::optional<LobeLightReport> reflected{};  ///< where light bounces
     };
     std::vector<std::optional<Glossy>> glossy;  ///< one a mesh
     /// Of the specular side, in SH.

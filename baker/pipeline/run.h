@@ -86,12 +86,17 @@ class Run {
     Expected<void> keep(const std::string& output, const PlannedDiffuse& diffuse);
     /// Adds the bounces to all that waited, and writes it, unless it waits for its encoding.
     Expected<void> bake(const std::string&, const PlannedBounces& bounces);
+    /// What they are to the mesh's lobe.
+    Expected<void> store_reflected(std::size_t mesh, const LobeLightReport& light);
     Expected<void> bake(const std::string& output, const PlannedEmitted& planned);
     /// The job with the mesh's part of the time that is left: by its share of the vertices that are
     /// still to be traced.
     DiffuseJob in_time(DiffuseJob job, std::size_t mesh);
     static BakeReport::ArrayError error_of_transport(double rms) {
         return {rms, "rms over vertices of |T - T_true|_2 / |T_unoccluded|_2"};
+    }
+    static BakeReport::ArrayError error_of_matrices(double rms) {
+        return {rms, "rms over vertices of |t - t_true|_F / |a + b of an open vertex|_F"};
     }
     /// One bar for the transport of all meshes, once the first of them begins.
     void announce_transport();

@@ -138,6 +138,20 @@ Expected<void> Run::read_back(const std::string& output, const PlannedDiffuse& d
 
 Expected<void> Run::read_back(const std::string&, const PlannedBounces&) {
     report_.bounces = read_bounces(older_->metadata().at("bounces"));
+    for (StoredArrays::GlossyVertex& asked : stored_.glossy_vertices) {
+        const BakeReport::Glossy& glossy = *report_.glossy[asked.mesh];
+        const std::string name = concat("mesh/", asked.mesh, "/reflected");
+        if (!glossy.reflected || !older_->reader().find(name)) continue;
+        const auto coeffs = [](int bands) { return static_cast<std::size_t>(bands * bands); };
+        if (glossy.reflected->bands < 2 || glossy.reflected->bands > runtime::kMaxReflectedBands)
+            return unexpected(name);
+        const std::size_t row_size = (coeffs(glossy.reflected->bands) - 1) *
+                                     coeffs(glossy.light_bands) *
+                                     static_cast<std::size_t>(bounce_channels_);
+        ENVBAKE_TRY(const OlderRows rows,
+                    OlderRows::open(*older_, name, vertex_count(asked.mesh), row_size));
+        asked.reflected = rows.row(asked.vertex);
+    }
     return {};
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "baker/core/text.h"
 #include "baker/pipeline/run.h"
+#include "envbake/runtime/half.h"
 
 #include <algorithm>
 #include <chrono>
@@ -105,9 +106,7 @@ Expected<void> Run::bake(const std::string& output, const PlannedGlossy& glossy)
     report_.glossy[glossy.mesh] = {rays, glossy.light_bands, lobe,
                                    std::hypot(rays.row_error * rays.error_rms, expansion, rounding),
                                    std::hypot(rays.row_error * rays.error_p999, lobe.fit)};
-    report_.array_errors[output] = {
-        report_.glossy[glossy.mesh]->error_rms,
-        "rms over vertices of |t - t_true|_F / |a + b of an open vertex|_F"};
+    report_.array_errors[output] = error_of_matrices(report_.glossy[glossy.mesh]->error_rms);
     if (glossy.with_diffuse) report_.diffuse[glossy.mesh] = rays;
 
     ENVBAKE_TRY(const std::vector<float> normals, stages_.normals(glossy.mesh));
@@ -185,6 +184,8 @@ Expected<void> Run::bake(const std::string&, const PlannedBounces& bounces) {
         DiffuseReport& of_mesh = *report_.diffuse[m];
         of_mesh.error_rms = std::hypot(of_mesh.error_rms, report.error_rms) + left_out;
         of_mesh.error_p999 = std::hypot(of_mesh.error_p999, report.error_p999) + left_out;
+        if (report_.glossy[m])
+            ENVBAKE_TRY_VOID(store_reflected(m, report.lobes[bounces.job.lobes.lobe_of_mesh[m]]));
         const std::string output = concat("mesh/", m, "/diffuse");
         report_.array_errors[output] = error_of_transport(of_mesh.error_rms);
         if (encoded_) continue;
@@ -194,6 +195,31 @@ Expected<void> Run::bake(const std::string&, const PlannedBounces& bounces) {
         ENVBAKE_TRY_VOID(add<float>(output, std::move(shape), rows, codec()));
         std::vector<float>().swap(rows);
     }
+    return {};
+}
+
+Expected<void> Run::store_reflected(std::size_t mesh, const LobeLightReport& light) {
+    BakeReport::Glossy& glossy = *report_.glossy[mesh];
+    glossy.reflected = light;
+    glossy.error_rms = std::hypot(glossy.error_rms, light.error_rms);
+    glossy.error_p999 = std::hypot(glossy.error_p999, light.error_p999);
+    report_.array_errors[concat("mesh/", mesh, "/glossy")] = error_of_matrices(glossy.error_rms);
+    std::vector<std::uint16_t>& halves = transport_[mesh].reflected;
+    if (halves.empty()) return {};
+    const auto vertices = static_cast<std::size_t>(vertex_count(mesh));
+    const std::size_t row_size = halves.size() / vertices;
+    for (StoredArrays::GlossyVertex& asked : stored_.glossy_vertices)
+        for (std::size_t i = 0; asked.mesh == mesh && i < row_size; ++i)
+            asked.reflected.push_back(runtime::half_to_float(halves[asked.vertex * row_size + i]));
+    const std::string output = concat("mesh/", mesh, "/reflected");
+    report_.array_errors[output] = error_of_matrices(light.error_rms);
+    const auto coeffs = [](int bands) { return static_cast<std::uint64_t>(bands * bands); };
+    std::vector<std::uint64_t> shape{vertices, coeffs(light.bands) - 1, coeffs(glossy.light_bands)};
+    if (bounce_channels_ > 1) shape.push_back(static_cast<std::uint64_t>(bounce_channels_));
+    ENVBAKE_TRY_VOID(begin({output, format::ElementType::F16, std::move(shape), codec()}));
+    ENVBAKE_TRY_VOID(append(std::as_bytes(std::span(halves))));
+    ENVBAKE_TRY_VOID(end());
+    std::vector<std::uint16_t>().swap(halves);
     return {};
 }
 

@@ -339,7 +339,8 @@ class GlossyAnswers {
         std::vector<double> blocked;  // at the nodes
         for (const std::vector<double>& Y : basis_)
             blocked.push_back(std::inner_product(Y.begin(), Y.end(), missing.begin(), 0.0));
-        // What is blocked sends the mean of what diffuse transport has from there.
+        // What is blocked sends the mean of what diffuse transport has from there, and what differs
+        // from it by direction.
         DVec3 from_surfaces = vertex.emitted;
         const std::size_t shared =
             std::min(vertex.transport.size() / static_cast<std::size_t>(vertex.channels),
@@ -357,6 +358,8 @@ class GlossyAnswers {
         from_surfaces = blocked_share > 1e-3 && !vertex.transport.empty()
                             ? from_surfaces / blocked_share
                             : DVec3(0);
+        std::vector<DVec3> sent(nodes_.size(), from_surfaces);
+        if (blocked_share > 1e-3) add_variation(vertex, missing, sent);
         const int exit_bands = arrays_.exit_bands;
         std::vector<DVec3> coeffs(static_cast<std::size_t>(exit_bands * exit_bands), DVec3(0));
         const auto add = [&](const std::vector<float>& table, int bands, bool of_blocked) {
@@ -364,10 +367,9 @@ class GlossyAnswers {
                 for (int m = -k; m <= k; ++m) {
                     DVec3 moment(0);
                     for (std::size_t q = 0; q < nodes_.size(); ++q)
-                        moment +=
-                            weights_[q] *
-                            (of_blocked ? blocked[q] * (from_surfaces - light_[q]) : light_[q]) *
-                            spherical_harmonic(k, m, to_local(frame, nodes_[q]));
+                        moment += weights_[q] *
+                                  (of_blocked ? blocked[q] * (sent[q] - light_[q]) : light_[q]) *
+                                  spherical_harmonic(k, m, to_local(frame, nodes_[q]));
                     for (int j = std::abs(m); j < exit_bands; ++j)
                         coeffs[static_cast<std::size_t>(j * j + j + m)] +=
                             element(table, lobe.lobe_rows, bands, std::abs(m), j, k, roughness,
@@ -392,6 +394,27 @@ class GlossyAnswers {
 
   private:
     static constexpr int kNodes = 11;  // the products are of degree 20
+
+    /// sum of r_q (Y_q - y_q), at the nodes.
+    void add_variation(const StoredArrays::GlossyVertex& vertex, const std::vector<double>& missing,
+                       std::vector<DVec3>& sent) const {
+        const auto channels = static_cast<std::size_t>(vertex.channels);
+        const auto light_coeffs =
+            static_cast<std::size_t>(arrays_.light_bands * arrays_.light_bands);
+        const std::size_t row = light_coeffs * channels;
+        for (std::size_t q = 1; q <= vertex.reflected.size() / row; ++q) {
+            DVec3 of_q(0);
+            for (std::size_t i = 0; i < std::min(light_coeffs, arrays_.sh.size() / 3); ++i)
+                for (std::size_t c = 0; c < 3; ++c)
+                    of_q[static_cast<int>(c)] +=
+                        static_cast<double>(arrays_.sh[3 * i + c]) *
+                        static_cast<double>(
+                            vertex.reflected[(q - 1) * row + i * channels + c % channels]);
+            const double mean = missing[q] / (missing[0] * std::sqrt(4 * std::numbers::pi));
+            for (std::size_t node = 0; node < sent.size(); ++node)
+                sent[node] += of_q * (basis_[node][q] - mean);
+        }
+    }
 
     static DVec3 to_local(const Frame& frame, const DVec3& w) {
         return {glm::dot(frame.tangent, w), glm::dot(frame.bitangent, w),

@@ -50,6 +50,7 @@ struct StoredArrays {
         std::vector<float> transport;   ///< of its diffuse transport; empty: it has none
         int channels = 1;
         DVec3 emitted{0};
+        std::vector<float> reflected{};  ///< [bands^2 - 1, light_bands^2, channels]; or empty
     };
     std::vector<GlossyVertex> glossy_vertices;  ///< a few of each mesh
     int exit_bands = 0, light_bands = 0;

@@ -266,13 +266,13 @@ double reflected_share(const BakeRequest& request, const RoughnessRange& range, 
 
 /// What the plan asks of a material's lobe, worked out for the first mesh that has it.
 struct LobeFacts {
-    double share = 0;               ///< reflected_share()
-    LobeErrors errors;              ///< the worst over its roughness: at its ends and in the middle
-    std::vector<AxialForm> of_row;  ///< each of those
+    double share = 0;   ///< reflected_share()
+    LobeErrors errors;  ///< the worst over its roughness: at its ends and in the middle
+    std::vector<AxialForm> of_row, of_reflected;  ///< each of those
 };
 
 LobeFacts facts_of_lobe(const BakeRequest& request, const RoughnessRange& range, double r0) {
-    LobeFacts facts{reflected_share(request, range, r0), {}, {}};
+    LobeFacts facts{reflected_share(request, range, r0), {}, {}, {}};
     LobeErrors& worst = facts.errors;
     for (const Distribution distribution : request.distributions) {
         const LobeExpansionJob job{.distribution = distribution,
@@ -281,6 +281,7 @@ LobeFacts facts_of_lobe(const BakeRequest& request, const RoughnessRange& range,
         for (const double roughness : {range.min, (range.min + range.max) / 2, range.max}) {
             LobeErrors errors = lobe_errors(job, roughness, r0);
             facts.of_row.push_back(std::move(errors.of_row));
+            facts.of_reflected.push_back(std::move(errors.of_reflected));
             worst.per_transport_error =
                 std::max(worst.per_transport_error, errors.per_transport_error);
             worst.per_rounding_error =
@@ -506,9 +507,31 @@ void share_rays(std::vector<PlannedStage>& stages) {
     }
 }
 
+/// Of the meshes that have glossy transport, one lobe a material.
+LobeLightJob lobes_of_meshes(const BakeRequest& request, const BakeFacts& facts,
+                             const std::vector<PlannedStage>& stages,
+                             const std::vector<std::optional<LobeFacts>>& of_materials) {
+    LobeLightJob job{{}, {}, glossy_light_bands(request)};
+    std::vector<std::size_t> lobe_of_material(of_materials.size(), LobeLightJob::kNoLobe);
+    for (const PlannedStage& stage : stages) {
+        const auto* glossy = stage.job ? std::get_if<PlannedGlossy>(&*stage.job) : nullptr;
+        if (glossy == nullptr) continue;
+        const std::size_t material = facts.meshes[glossy->mesh].material;
+        std::size_t& lobe = lobe_of_material[material];
+        if (lobe == LobeLightJob::kNoLobe) {
+            lobe = job.errors.size();
+            job.errors.push_back(of_materials[material]->of_reflected);
+        }
+        job.lobe_of_mesh.resize(facts.meshes.size(), LobeLightJob::kNoLobe);
+        job.lobe_of_mesh[glossy->mesh] = lobe;
+    }
+    return job;
+}
+
 /// Light between the surfaces of all meshes that have transport.
 PlannedStage plan_bounces(const BakeRequest& request, const BakeFacts& facts,
-                          const std::vector<PlannedStage>& stages) {
+                          const std::vector<PlannedStage>& stages,
+                          const std::vector<std::optional<LobeFacts>>& lobes) {
     PlannedStage stage{"bounces", "", std::nullopt};
     if (request.bounces == 0) {
         stage.reason = "not asked for";
@@ -548,7 +571,8 @@ PlannedStage plan_bounces(const BakeRequest& request, const BakeFacts& facts,
                   .bounces = request.bounces,
                   .emission = emission,
                   .tolerance = request.tolerance,
-                  .seed = request.seed};
+                  .seed = request.seed,
+                  .lobes = lobes_of_meshes(request, facts, stages, lobes)};
     // What add_bounces() says of itself, for 32 points a vertex, and the transport.
     const double bytes =
         vertices * (200 + 16 * 32 + 4.0 * (request.bands * request.bands * job.channels + 3));
@@ -556,6 +580,9 @@ PlannedStage plan_bounces(const BakeRequest& request, const BakeFacts& facts,
         request.bounces == kAllBounces ? "all of them" : concat("the first ", request.bounces),
         ", of albedo up to ", format_number(max_albedo),
         grey ? "; every albedo is grey: one channel" : "", emission ? "; surfaces shine" : "",
+        job.lobes.errors.empty()
+            ? ""
+            : "; into lobes as their mean, and by direction where the mean errs too much",
         "; transport stays in memory: some ", format_bytes(static_cast<std::uint64_t>(bytes)));
     stage.job = PlannedBounces{job};
     return stage;
@@ -724,7 +751,7 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
         plan.stages.push_back(plan_diffuse(request, facts, mesh, false));
     }
     if (facts.has_scene)
-        add_bounces_stage(plan_bounces(request, facts, plan.stages), plan.stages);
+        add_bounces_stage(plan_bounces(request, facts, plan.stages, lobes), plan.stages);
     else
         plan.stages.push_back({"mesh", "no scene", std::nullopt});
     add_wavelet_stages(request, facts, plan.stages);

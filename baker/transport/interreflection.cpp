@@ -12,6 +12,8 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <iterator>
+#include <map>
 #include <numbers>
 #include <numeric>
 #include <optional>
@@ -28,6 +30,8 @@ constexpr std::size_t kLanes = kFloatLanes;
 /// Shares of the tolerance. What the few rays err adds to the direct error by squares, what is left
 /// out adds as it is.
 constexpr double kRaysShare = 0.36, kLeftOutShare = 0.03;
+/// Of what lobes are left: fewer errors of the rays change little.
+constexpr double kLeastRaysShare = 0.5;
 constexpr double kPilotRays = 64, kFewestRays = 8;  ///< blocked or not
 /// Rays halfway between others are wrong where those are right. Measured: 0.7 to 0.85.
 constexpr double kApart = 0.8;
@@ -79,6 +83,11 @@ struct Growth {
     }
 };
 
+/// Of the rms over so many vertices: single squares scatter about their mean by 0.85 of it.
+double with_two_standard_errors(std::size_t count) {
+    return std::sqrt(1 + 2 * 0.85 / std::sqrt(static_cast<double>(count)));
+}
+
 using Of = SeenSurfaces::Of;
 
 class Interreflection {
@@ -114,12 +123,19 @@ class Interreflection {
                    : &of.rows[(vertex * coeffs_ + column.coeff) * channels_ + column.channel];
     }
     float blocked_share(std::size_t number);
-    void choose_sample();
-    SeenSurfaces gather(std::span<const std::uint32_t> chosen, double stride, double offset,
-                        SeenSurfaces::Rays rays, Progress& progress);
+    std::vector<std::uint32_t> sample_of(std::vector<std::uint32_t> places) const;
+    void choose_samples();
+    SeenSurfaces gather(std::span<const std::uint32_t> chosen, std::span<const double> strides,
+                        double offset, SeenSurfaces::Rays rays, Progress& progress);
+    std::vector<double> everywhere(double stride) const {
+        return std::vector<double>(scene_.meshes.size(), stride);
+    }
     double growth_of_error(const SeenSurfaces& of_sample) const;
     double error_at(double stride);
     double choose_stride();
+    SeenSurfaces look_of_lobes(double stride);
+    std::vector<LobeLight::Errors> errors_of_lobes(const SeenSurfaces& seen, double stride) const;
+    void choose_strides_of_lobes(double stride);
     std::vector<Column> columns_of(std::size_t channel) const;
     void load(std::span<const Column> columns, std::vector<Float16>& lanes);
     void measure_reflectance(std::size_t channel);
@@ -131,6 +147,16 @@ class Interreflection {
                          std::span<const Float16> sum);
     void judge(std::size_t channel, std::span<const Column> columns, std::span<const Float16> sum);
     void solve(std::size_t channel);
+    const float* row_of(std::uint32_t number) const {
+        const auto [mesh, vertex] = places_.places[number];
+        return &transport_[mesh].rows[vertex * coeffs_ * channels_];
+    }
+    std::size_t lobe_of(std::uint32_t number) const {
+        const std::size_t mesh = places_.places[number].mesh;
+        return mesh < job_.lobes.lobe_of_mesh.size() ? job_.lobes.lobe_of_mesh[mesh]
+                                                     : LobeLightJob::kNoLobe;
+    }
+    void add_lobes();
     void fill_copies();
 
     const BounceJob& job_;
@@ -142,12 +168,16 @@ class Interreflection {
     std::size_t coeffs_, channels_;
     ScenePlaces places_;
     Lamps lamps_;
-    std::vector<std::uint32_t> sample_;  ///< places
-    std::vector<double> square_errors_;  ///< of the sample, summed over columns
+    std::vector<std::uint32_t> sample_;           ///< places
+    std::vector<std::uint32_t> sample_of_lobes_;  ///< places with glossy transport
+    std::vector<double> strides_of_lobes_;
+    std::map<double, SeenSurfaces> looks_;  ///< of that sample, by stride
+    std::vector<double> square_errors_;     ///< of the sample, summed over columns
     double emitted_error_ = 0, emitted_signal_ = 0;
     std::optional<SeenSurfaces> seen_;   ///< by all places
     std::optional<SeenSurfaces> again_;  ///< by the sample, with other rays
-    std::vector<float> reflectance_;     ///< A 1, of one channel
+    std::optional<LobeLight> lobe_light_;
+    std::vector<float> reflectance_;  ///< A 1, of one channel
     double reflectance_rms_ = 0, largest_reflectance_ = 0;
     BounceReport report_;
 };
@@ -159,9 +189,9 @@ float Interreflection::blocked_share(std::size_t number) {
 }
 
 /// At random, but by where they are: their order in the file does not matter.
-void Interreflection::choose_sample() {
+std::vector<std::uint32_t> Interreflection::sample_of(std::vector<std::uint32_t> places) const {
     std::vector<std::pair<double, std::uint32_t>> order;
-    for (std::uint32_t p = 0; p < places_.places.size(); ++p) {
+    for (const std::uint32_t p : places) {
         const auto [mesh, vertex] = places_.places[p];
         order.emplace_back(RandomStream(job_.seed, kSampleChoice,
                                         places_.surfaces[mesh].stream(vertex, tracer_.space()))
@@ -172,15 +202,32 @@ void Interreflection::choose_sample() {
         std::min(order.size(), std::clamp<std::size_t>(order.size() / 64, 64, 512));
     std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count),
                       order.end());
-    for (std::size_t i = 0; i < count; ++i) sample_.push_back(order[i].second);
+    places.resize(count);
+    for (std::size_t i = 0; i < count; ++i) places[i] = order[i].second;
+    return places;
 }
 
-SeenSurfaces Interreflection::gather(std::span<const std::uint32_t> chosen, double stride,
-                                     double offset, SeenSurfaces::Rays rays, Progress& progress) {
+void Interreflection::choose_samples() {
+    std::vector<std::uint32_t> all(places_.places.size()), with_lobe;
+    std::iota(all.begin(), all.end(), 0u);
+    std::copy_if(all.begin(), all.end(), std::back_inserter(with_lobe),
+                 [&](std::uint32_t p) { return lobe_of(p) != LobeLightJob::kNoLobe; });
+    sample_ = sample_of(std::move(all));
+    if (with_lobe.empty()) return;
+    sample_of_lobes_ = sample_of(std::move(with_lobe));
+    Progress unseen;  // a sample takes no time to speak of
+    lobe_light_.emplace(
+        job_.lobes, static_cast<int>(channels_), [this](std::uint32_t p) { return row_of(p); },
+        gather(sample_of_lobes_, everywhere(1), 0, SeenSurfaces::Rays::New, unseen));
+}
+
+SeenSurfaces Interreflection::gather(std::span<const std::uint32_t> chosen,
+                                     std::span<const double> strides, double offset,
+                                     SeenSurfaces::Rays rays, Progress& progress) {
     std::vector<float> shares;
     for (const std::uint32_t p : chosen) shares.push_back(blocked_share(p));
     return SeenSurfaces(scene_, tracer_, places_, lamps_, blocked_, chosen, std::move(shares),
-                        stride, offset, rays, progress);
+                        strides, offset, rays, progress);
 }
 
 /// What the squares of errors are multiplied by since light errs again at each bounce: 1 and the
@@ -198,8 +245,8 @@ double Interreflection::growth_of_error(const SeenSurfaces& of_sample) const {
 double Interreflection::error_at(double stride) {
     constexpr auto kRays = SeenSurfaces::Rays::OfTheDirectBake;
     Progress unseen;  // a sample takes no time to speak of
-    const SeenSurfaces first = gather(sample_, stride, 0, kRays, unseen);
-    const SeenSurfaces second = gather(sample_, stride, 0.5, kRays, unseen);
+    const SeenSurfaces first = gather(sample_, everywhere(stride), 0, kRays, unseen);
+    const SeenSurfaces second = gather(sample_, everywhere(stride), 0.5, kRays, unseen);
     double squares = 0;
     for (std::size_t c = 0; c < channels_; ++c) {
         const auto channel = static_cast<int>(c);
@@ -235,6 +282,50 @@ double Interreflection::choose_stride() {
         stride = std::clamp(stride, 1.0, std::max(1.0, rays / kFewestRays));
     }
     return stride;
+}
+
+/// The sample, where every stride-th ray is followed. While transport is the direct one.
+SeenSurfaces Interreflection::look_of_lobes(double stride) {
+    Progress unseen;
+    return gather(sample_of_lobes_, everywhere(stride), 0, SeenSurfaces::Rays::OfTheDirectBake,
+                  unseen);
+}
+
+std::vector<LobeLight::Errors> Interreflection::errors_of_lobes(const SeenSurfaces& seen,
+                                                                double stride) const {
+    std::vector<LobeLight::Errors> errors = lobe_light_->errors(seen, stride, kRaysExponent);
+    const double factor =
+        std::sqrt(growth_of_error(seen)) * with_two_standard_errors(sample_of_lobes_.size());
+    for (LobeLight::Errors& of_lobe : errors) of_lobe *= factor;
+    return errors;
+}
+
+/// Those that every stride-th ray does for, and the others. The light is the direct one, as in
+/// error_at().
+void Interreflection::choose_strides_of_lobes(double stride) {
+    const double allowed = kRaysShare * job_.tolerance;
+    strides_of_lobes_.assign(job_.lobes.errors.size(), stride);
+    double smaller = stride;
+    std::vector<bool> more;
+    for (int round = 0; round < 3 && smaller > (round == 0 ? 0 : 1); ++round) {
+        const std::vector<LobeLight::Errors> errors =
+            errors_of_lobes(look_of_lobes(smaller), smaller);
+        more.resize(errors.size(), true);
+        double change = 1;
+        for (std::size_t lobe = 0; lobe < errors.size(); ++lobe) {
+            if (round == 0) more[lobe] = errors[lobe].least() > allowed;
+            // As if rays were all that errs, but no more of them than take that away.
+            if (errors[lobe].least() > allowed)
+                change = std::min(change, allowed * std::max(1 / errors[lobe].least(),
+                                                             kLeastRaysShare / errors[lobe].noise));
+        }
+        if (change == 1) break;
+        smaller = std::max(1.0, smaller * std::pow(change, 1 / kRaysExponent));
+    }
+    for (std::size_t lobe = 0; lobe < more.size(); ++lobe)
+        if (more[lobe]) strides_of_lobes_[lobe] = smaller;
+    for (const double chosen : strides_of_lobes_)
+        if (!looks_.contains(chosen)) looks_.emplace(chosen, look_of_lobes(chosen));
 }
 
 /// Those that nothing makes negative come first: they tell when the series may end. Survival
@@ -404,6 +495,42 @@ void Interreflection::solve(std::size_t channel) {
     report_.shrink = std::max(report_.shrink, shrink);
 }
 
+/// What T has become is what lobes meet.
+void Interreflection::add_lobes() {
+    for (const auto& [stride, look] : looks_) {
+        const std::vector<LobeLight::Errors> errors = errors_of_lobes(look, stride);
+        for (std::size_t lobe = 0; lobe < errors.size(); ++lobe) {
+            if (strides_of_lobes_[lobe] != stride) continue;
+            report_.lobes[lobe] = choose_bands(errors[lobe], kRaysShare * job_.tolerance);
+            report_.lobes[lobe].stride = stride;
+        }
+    }
+    const auto row_size = [&](int bands) {
+        return static_cast<std::size_t>(sh::coeff_count(bands) - 1) *
+               static_cast<std::size_t>(sh::coeff_count(job_.lobes.light_bands)) * channels_;
+    };
+    for (std::size_t m = 0; m < transport_.size(); ++m) {
+        const std::size_t lobe = job_.lobes.lobe_of_mesh[m];
+        if (lobe == LobeLightJob::kNoLobe || transport_[m].rows.empty()) continue;
+        transport_[m].reflected.resize(scene_.meshes[m].vertex_count() *
+                                       row_size(report_.lobes[lobe].bands));
+    }
+    parallel_for((places_.places.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
+        const std::size_t end = std::min((block + 1) * kBlock, places_.places.size());
+        for (std::size_t p = block * kBlock; p < end; ++p) {
+            const auto [mesh, vertex] = places_.places[p];
+            if (transport_[mesh].reflected.empty()) continue;
+            const int bands = report_.lobes[job_.lobes.lobe_of_mesh[mesh]].bands;
+            const DVec3 normal = places_.surfaces[mesh].origin(vertex, tracer_.space()).normal;
+            const std::vector<std::uint16_t> row =
+                lobe_light_->stored_row(*seen_, p, normal, bands);
+            std::copy(row.begin(), row.end(),
+                      transport_[mesh].reflected.begin() +
+                          static_cast<std::ptrdiff_t>(vertex * row.size()));
+        }
+    });
+}
+
 void Interreflection::fill_copies() {
     for (std::size_t m = 0; m < transport_.size(); ++m) {
         MeshTransport& mesh = transport_[m];
@@ -411,27 +538,35 @@ void Interreflection::fill_copies() {
         for (std::size_t v = 0; v < places_.numbers[m].size(); ++v) {
             const std::uint32_t first = places_.surfaces[m].representative(v);
             if (first == v || first == ScenePlaces::kNone) continue;
-            const auto copy = [&](std::vector<float>& values, std::size_t size) {
+            const auto copy = [&](auto& values, std::size_t size) {
                 const auto from = values.begin() + static_cast<std::ptrdiff_t>(first * size);
                 std::copy_n(from, size, values.begin() + static_cast<std::ptrdiff_t>(v * size));
             };
             copy(mesh.rows, coeffs_ * channels_);
             if (job_.emission) copy(mesh.emitted, 3);
+            copy(mesh.reflected, mesh.reflected.size() / places_.numbers[m].size());
         }
     }
 }
 
 BounceReport Interreflection::run() {
     const std::size_t count = places_.places.size();
+    report_.lobes.resize(job_.lobes.errors.size());
     if (count == 0) return report_;
-    choose_sample();
-    const double stride = job_.stride > 0 ? job_.stride : choose_stride();
+    choose_samples();
+    report_.stride = job_.stride > 0 ? job_.stride : choose_stride();
+    std::vector<double> strides = everywhere(report_.stride);
+    if (lobe_light_) {
+        choose_strides_of_lobes(report_.stride);
+        for (std::size_t m = 0; m < strides.size(); ++m)
+            if (const std::size_t lobe = job_.lobes.lobe_of_mesh[m]; lobe != LobeLightJob::kNoLobe)
+                strides[m] = strides_of_lobes_[lobe];
+    }
     progress_.begin("rays of light between surfaces", "vertices", count + sample_.size());
     std::vector<std::uint32_t> all(count);
     std::iota(all.begin(), all.end(), 0u);
-    seen_.emplace(gather(all, stride, 0, SeenSurfaces::Rays::OfTheDirectBake, progress_));
-    again_.emplace(gather(sample_, stride, 0, SeenSurfaces::Rays::New, progress_));
-    report_.stride = stride;
+    seen_.emplace(gather(all, strides, 0, SeenSurfaces::Rays::OfTheDirectBake, progress_));
+    again_.emplace(gather(sample_, strides, 0, SeenSurfaces::Rays::New, progress_));
     report_.point_count = seen_->point_count();
     report_.black_back_count = seen_->black_back_count();
 
@@ -443,11 +578,11 @@ BounceReport Interreflection::run() {
     progress_.begin("light between surfaces", "vertices",
                     count * channels_ * ((columns_of(0).size() + kLanes - 1) / kLanes));
     for (std::size_t c = 0; c < channels_; ++c) solve(c);
+    if (lobe_light_) add_lobes();
     fill_copies();
 
-    // Two standard errors are added: single vertices scatter about the mean square by 0.85 of it.
     const double factor =
-        growth_of_error(*again_) * (1 + 2 * 0.85 / std::sqrt(static_cast<double>(sample_.size())));
+        growth_of_error(*again_) * square(with_two_standard_errors(sample_.size()));
     const double norm = unoccluded_norm(job_.bands);
     std::vector<double> errors;
     double sum = 0;

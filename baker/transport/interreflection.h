@@ -4,6 +4,7 @@
 #include "baker/input/scene.h"
 #include "baker/trace/tracer.h"
 #include "baker/transport/diffuse.h"
+#include "baker/transport/lobe_light.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -33,12 +34,17 @@ struct BounceJob {
     double tolerance = 1e-2;  ///< as DiffuseJob::tolerance, of what the bounces add
     double stride = 0;        ///< every so many-th blocked ray is followed; 0: chosen
     std::uint64_t seed = 0;
+    LobeLightJob lobes{};  ///< of the meshes that have glossy transport
 };
 
 /// The transport of one mesh, in memory.
 struct MeshTransport {
     std::vector<float> rows;     ///< [vertices, bands^2, channels]; empty: the mesh has none
     std::vector<float> emitted;  ///< [vertices, 3], W sr^-1 m^-2
+    /// "mesh/I/reflected", f16: [vertices, LobeLightReport::bands^2 - 1,
+    /// LobeLightJob::light_bands^2, channels]. Empty: the mesh has no lobe, or the mean is enough
+    /// for it.
+    std::vector<std::uint16_t> reflected;
 };
 
 /// Errors are relative as DiffuseJob::tolerance, over all vertices and channels; they leave out
@@ -54,7 +60,8 @@ struct BounceReport {
     double error_p999 = 0;  ///< 99.9th percentile over vertices
     double shrink = 0;    ///< each further bounce, and a pad, are at most this times the one before
     double left_out = 0;  ///< bound on the rms of all bounces that were not added
-    double emitted_error_rms = 0;  ///< of the few rays, over the rms of what is emitted
+    double emitted_error_rms = 0;        ///< of the few rays, over the rms of what is emitted
+    std::vector<LobeLightReport> lobes;  ///< one a lobe
 };
 
 /// Light that goes from surface to surface before it reaches a vertex:
@@ -84,12 +91,16 @@ struct BounceReport {
 /// so many places that hardly any of what that errs is left.
 ///
 ///   blocked    one a mesh, as bake_diffuse() fills it
+/// Lobes ask for more than T does: for the directions that light comes from. Where a lobe is so
+/// strong that the mean does not do, more rays are followed, and MeshTransport::reflected is
+/// filled.
+///
 ///   transport  one a mesh; rows hold T_direct, the same in every channel, and T afterwards
 ///   progress   counts vertices whose rays are followed, then those that light came to
 ///
-/// Memory: 16 bytes for each point that a vertex sees, 200 for each vertex and 12 for each
-/// triangle. Deterministic for any number of threads. Channels of equal albedo get equal bits, and
-/// one of three is as one alone.
+/// Memory: 16 bytes for each point that a vertex sees, 200 for each vertex, 12 for each triangle,
+/// and what is stored. Deterministic for any number of threads. Channels of equal albedo get equal
+/// bits, and one of three is as one alone.
 BounceReport add_bounces(const BounceJob& job, const Scene& scene, const Tracer& tracer,
                          std::span<const BlockedRays> blocked, std::span<MeshTransport> transport,
                          Progress& progress);

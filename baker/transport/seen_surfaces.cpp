@@ -23,6 +23,20 @@ std::uint16_t steps(float x) {
     return static_cast<std::uint16_t>(std::clamp(x, 0.0f, 1.0f) * kSteps + 0.5f);
 }
 
+/// A direction of the upper hemisphere, projected onto the octahedron |x| + |y| + z = 1, whose
+/// upper half is a square turned by 45 degrees.
+std::array<std::uint8_t, 2> octahedral(const DVec3& w) {
+    const double scale = 127.5 / (std::abs(w.x) + std::abs(w.y) + std::max(w.z, 0.0));
+    return {static_cast<std::uint8_t>(127.5 + scale * (w.x + w.y) + 0.5),
+            static_cast<std::uint8_t>(127.5 + scale * (w.x - w.y) + 0.5)};
+}
+Vec3 from_octahedral(const std::array<std::uint8_t, 2>& code) {
+    const float sum = static_cast<float>(code[0]) / 127.5f - 1,
+                difference = static_cast<float>(code[1]) / 127.5f - 1;
+    const float x = (sum + difference) / 2, y = (sum - difference) / 2;
+    return glm::normalize(Vec3(x, y, 1 - std::abs(x) - std::abs(y)));
+}
+
 DirectionPacket to_world(const DirectionPacket& local, const Frame& frame) {
     DirectionPacket world;
     for (std::size_t i = 0; i < 16; ++i) {
@@ -67,14 +81,14 @@ ScenePlaces::ScenePlaces(const Scene& scene, const std::vector<bool>& has_transp
 class SeenSurfaces::Gatherer {
   public:
     Gatherer(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
-             const Lamps& lamps, std::span<const BlockedRays> blocked, double stride, double offset,
-             Rays rays)
+             const Lamps& lamps, std::span<const BlockedRays> blocked,
+             std::span<const double> strides, double offset, Rays rays)
         : scene_(scene),
           tracer_(tracer),
           places_(places),
           lamps_(lamps),
           blocked_(blocked),
-          stride_(stride),
+          strides_(strides),
           offset_(offset),
           rays_(rays) {}
 
@@ -114,7 +128,7 @@ class SeenSurfaces::Gatherer {
         double at = start - std::floor(start);
         for (std::size_t p = 0; p < masks.size(); ++p) {
             for (std::uint32_t left = masks[p]; left != 0; left &= left - 1) {
-                at += 1 / stride_;
+                at += 1 / strides_[mesh];
                 if (at < 1) continue;
                 at -= 1;
                 followed.add(blocked.set.directions[p],
@@ -146,6 +160,7 @@ class SeenSurfaces::Gatherer {
     /// Appends where the rays end; returns the sum of what is emitted there.
     DVec3 end(const RayOrigin& origin, Followed& followed, Block& block) const {
         if (followed.count == 0) return DVec3(0);
+        const Frame frame = frame_about(origin.normal);
         HitPacket hits;
         std::uint32_t met =
             tracer_.closest16(origin.position, followed.world, hits, (1u << followed.count) - 1);
@@ -156,6 +171,10 @@ class SeenSurfaces::Gatherer {
             emission += DVec3(add(hits.mesh[i], hits.triangle[i],
                                   Vec3(1 - hits.u[i] - hits.v[i], hits.u[i], hits.v[i]),
                                   (hits.from_behind >> i & 1) != 0, block));
+            const DVec3 w(followed.world.x[i], followed.world.y[i], followed.world.z[i]);
+            block.points.back().direction =
+                octahedral({glm::dot(frame.tangent, w), glm::dot(frame.bitangent, w),
+                            glm::dot(frame.normal, w)});
         }
         return emission;
     }
@@ -165,7 +184,7 @@ class SeenSurfaces::Gatherer {
              Block& block) const {
         const Mesh& seen = scene_.meshes[mesh];
         const std::uint64_t number = places_.first_triangle[mesh] + triangle;
-        Point point{static_cast<std::uint32_t>(number), 0, 0, {0, 0, 0}};
+        Point point{static_cast<std::uint32_t>(number), 0, 0, {0, 0, 0}, octahedral({0, 0, 1})};
         const bool black =
             from_behind && !scene_.materials[static_cast<std::size_t>(seen.material)].double_sided;
         block.black_back_count += black;
@@ -208,16 +227,18 @@ class SeenSurfaces::Gatherer {
     const ScenePlaces& places_;
     const Lamps& lamps_;
     std::span<const BlockedRays> blocked_;
-    double stride_, offset_;
+    std::span<const double> strides_;
+    double offset_;
     Rays rays_;
 };
 
 SeenSurfaces::SeenSurfaces(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
                            const Lamps& lamps, std::span<const BlockedRays> blocked,
                            std::span<const std::uint32_t> chosen, std::vector<float> shares,
-                           double stride, double offset, Rays rays, Progress& progress)
+                           std::span<const double> strides, double offset, Rays rays,
+                           Progress& progress)
     : corners_(places.corners), shares_(std::move(shares)), emitted_(chosen.size(), Vec3(0)) {
-    const Gatherer gatherer(scene, tracer, places, lamps, blocked, stride, offset, rays);
+    const Gatherer gatherer(scene, tracer, places, lamps, blocked, strides, offset, rays);
     blocks_.resize((chosen.size() + kBlock - 1) / kBlock);
     parallel_for(blocks_.size(), [&](std::size_t b) {
         Block& block = blocks_[b];
@@ -267,6 +288,14 @@ Float16 SeenSurfaces::reflected(std::size_t index, int channel, std::span<const 
         sum += albedo * ((1 - u - v) * columns[at[0]] + u * columns[at[1]] + v * columns[at[2]]);
     }
     return points.empty() ? sum : sum * (shares_[index] / static_cast<float>(chosen.count));
+}
+
+SeenSurfaces::SeenPoint SeenSurfaces::seen_point(const Point& point) const {
+    const float u = static_cast<float>(point.u) / kSteps, v = static_cast<float>(point.v) / kSteps;
+    return {from_octahedral(point.direction),
+            {1 - u - v, u, v},
+            Vec3(point.albedo[0], point.albedo[1], point.albedo[2]) / kSteps,
+            point.triangle == kBlack ? nullptr : &corners_[point.triangle]};
 }
 
 double SeenSurfaces::reflectance(std::size_t index, int channel, Of of) const {

@@ -55,26 +55,28 @@ class SeenSurfaces {
   public:
     /// One block of places; rows are of different length.
     struct Point {
-        std::uint32_t triangle;               ///< of ScenePlaces::corners
-        std::uint16_t u, v;                   ///< barycentric, in 65535ths, u + v <= 65535
-        std::array<std::uint16_t, 3> albedo;  ///< RGB, in 65535ths
+        std::uint32_t triangle;                 ///< of ScenePlaces::corners
+        std::uint16_t u, v;                     ///< barycentric, in 65535ths, u + v <= 65535
+        std::array<std::uint16_t, 3> albedo;    ///< RGB, in 65535ths
+        std::array<std::uint8_t, 2> direction;  ///< about the normal, octahedral
     };
 
     enum class Rays {
         OfTheDirectBake,  ///< those of `blocked`
         New               ///< the same set turned otherwise, traced first
     };
-    /// Follows every `stride`-th blocked ray of each chosen place, at least one.
+    /// Follows every so many-th blocked ray of each chosen place, at least one.
     ///   lamps    where there are some, nothing else shines, and they are asked for by themselves
     ///   blocked  [mesh], as bake_diffuse() fills it
     ///   chosen   the places that get a row, by number
     ///   shares   [chosen], F of each; no rays where it is 0
-    ///   offset   which of the `stride`: 0 .. 1, added to a random one
+    ///   strides  [mesh], 1 or more: of its places
+    ///   offset   which of them: 0 .. 1, added to a random one
     ///   progress counts `chosen`
     SeenSurfaces(const Scene& scene, const Tracer& tracer, const ScenePlaces& places,
                  const Lamps& lamps, std::span<const BlockedRays> blocked,
-                 std::span<const std::uint32_t> chosen, std::vector<float> shares, double stride,
-                 double offset, Rays rays, Progress& progress);
+                 std::span<const std::uint32_t> chosen, std::vector<float> shares,
+                 std::span<const double> strides, double offset, Rays rays, Progress& progress);
 
     std::size_t row_count() const { return shares_.size(); }
     std::uint64_t point_count() const { return point_count_; }
@@ -91,6 +93,20 @@ class SeenSurfaces {
     Float16 reflected(std::size_t row, int channel, std::span<const Float16> columns, Of of) const;
     /// F times the mean albedo: B for T = 1.
     double reflectance(std::size_t row, int channel, Of of) const;
+    /// F of one row.
+    double share(std::size_t row) const { return static_cast<double>(shares_[row]); }
+    /// A point as it is met.
+    struct SeenPoint {
+        Vec3 direction;  ///< where it is, in frame_about() the normal; unit, within 0.01
+        Vec3 weights;    ///< of the three corners
+        Vec3 albedo;     ///< RGB, 0 .. 1
+        const std::array<std::uint32_t, 3>* corners;  ///< places; null: it is black
+    };
+    /// All points of one row: visit(const SeenPoint&).
+    template <class Visit>
+    void for_each_point(std::size_t index, const Visit& visit) const {
+        for (const Point& point : row(index)) visit(seen_point(point));
+    }
     /// Light of the surfaces that shine, 1/pi integral of L_e max(0, n.w) dw: by lamps, or F times
     /// the mean of what the points emit. W sr^-1 m^-2.
     const Vec3& emitted(std::size_t row) const { return emitted_[row]; }
@@ -110,6 +126,8 @@ class SeenSurfaces {
         const std::size_t k = index % kBlock;
         return std::span(block.points).subspan(block.first[k], block.first[k + 1] - block.first[k]);
     }
+
+    SeenPoint seen_point(const Point& point) const;
 
     /// Every step-th from the first one on.
     struct Chosen {
