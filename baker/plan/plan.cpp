@@ -605,6 +605,22 @@ void add_bounces_stage(PlannedStage bounces, std::vector<PlannedStage>& stages) 
     stages.insert(stages.end(), emitted.begin(), emitted.end());
 }
 
+/// Metals have diffuse transport for what bounces send into their lobes; not where nothing bounces.
+void drop_transport_of_metals(const BakeFacts& facts, std::vector<PlannedStage>& stages) {
+    PlannedGlossy* glossy = nullptr;  // the last one
+    for (PlannedStage& stage : stages) {
+        if (!stage.job) continue;
+        if (auto* found = std::get_if<PlannedGlossy>(&*stage.job)) glossy = found;
+        const auto* diffuse = std::get_if<PlannedDiffuse>(&*stage.job);
+        if (diffuse == nullptr || !diffuse->from_glossy || diffuse->bounces) continue;
+        const MaterialFacts& material = facts.materials[facts.meshes[diffuse->mesh].material];
+        if (material.max_diffuse_albedo > 0) continue;
+        glossy->with_diffuse = false;
+        stage.reason = concat("material ", quoted(material.name), " reflects nothing diffusely");
+        stage.job.reset();
+    }
+}
+
 Expected<void> check_request(const BakeRequest& request, const BakeFacts& facts) {
     const auto usage = [](auto... parts) { return Error{Errc::Usage, concat(parts...)}; };
     if (!facts.has_scene && !facts.environment)
@@ -750,10 +766,12 @@ Expected<BakePlan> make_plan(const BakeRequest& request, const BakeFacts& facts)
             plan.stages.back().reason += "; the mesh is marked as casting nothing";
         plan.stages.push_back(plan_diffuse(request, facts, mesh, false));
     }
-    if (facts.has_scene)
+    if (facts.has_scene) {
         add_bounces_stage(plan_bounces(request, facts, plan.stages, lobes), plan.stages);
-    else
+        drop_transport_of_metals(facts, plan.stages);
+    } else {
         plan.stages.push_back({"mesh", "no scene", std::nullopt});
+    }
     add_wavelet_stages(request, facts, plan.stages);
     add_encoding_stage(request, plan.stages);
     share_rays(plan.stages);

@@ -23,7 +23,7 @@ struct LobeLightJob {
     /// LobeErrors::of_reflected of each roughness and distribution of a lobe, [lobe]. Those of
     /// strong lobes are large: what a dielectric errs in the mean is nothing to the tolerance.
     std::vector<std::vector<AxialForm>> errors;
-    std::vector<std::size_t> lobe_of_mesh;  ///< kNoLobe: no glossy transport
+    std::vector<std::size_t> lobe_of_mesh;  ///< [meshes]; kNoLobe: no glossy transport
     int light_bands = 5;                    ///< of glossy transport
 };
 

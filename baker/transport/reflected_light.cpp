@@ -3,14 +3,12 @@
 
 #include "envbake/runtime/sh.h"
 
+#include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace envbake {
 
 namespace {
-
-constexpr double kY0 = 0.28209479177387814;  // 1 / sqrt(4 pi)
 
 /// Symmetric positive definite, the lower triangle row by row: Cholesky's factor in its place.
 void factorize(std::vector<double>& a, std::size_t size) {
@@ -55,28 +53,37 @@ ReflectedLight::ReflectedLight(const Job& job, const SeenSurfaces& seen, std::si
       functions_(static_cast<std::size_t>(sh::coeff_count(job.bands))),
       columns_(job.columns),
       products_(functions_ * (functions_ + 1) / 2),
-      light_(functions_ * columns_) {
+      first_(columns_),
+      beyond_first_(functions_ * columns_) {
     const auto channels = static_cast<std::size_t>(job.channels);
     std::vector<double> basis(functions_);
     std::vector<float> light(columns_);
     seen.for_each_point(row, [&](const SeenSurfaces::SeenPoint& point) {
         const DVec3 w = frame.to_world(DVec3(point.direction));
         sh::evaluate(job.bands, w.x, w.y, w.z, basis.data());
-        count_ += 1;
         double* product = products_.data();
         for (std::size_t q = 0; q < functions_; ++q)
             for (std::size_t k = 0; k <= q; ++k) *product++ += basis[q] * basis[k];
-        if (point.corners == nullptr) return;  // black
-        const float* corner[3];
-        for (std::size_t k = 0; k < 3; ++k) corner[k] = job.row_of((*point.corners)[k]);
-        const Vec3& weight = point.weights;
-        for (std::size_t i = 0; i < columns_; ++i)
-            light[i] = weight.x * corner[0][i] + weight.y * corner[1][i] + weight.z * corner[2][i];
-        for (std::size_t i = 0; i < columns_; ++i)
-            light[i] *= point.albedo[static_cast<int>(i % channels)];
+
+        if (point.corners == nullptr) {
+            std::fill(light.begin(), light.end(), 0.0f);  // black
+        } else {
+            const float* corner[3];
+            for (std::size_t k = 0; k < 3; ++k) corner[k] = job.row_of((*point.corners)[k]);
+            const Vec3& weight = point.weights;
+            for (std::size_t i = 0; i < columns_; ++i)
+                light[i] =
+                    weight.x * corner[0][i] + weight.y * corner[1][i] + weight.z * corner[2][i];
+            for (std::size_t i = 0; i < columns_; ++i)
+                light[i] *= point.albedo[static_cast<int>(i % channels)];
+        }
+        if (count_ == 0) first_ = light;
+        count_ += 1;
+        for (std::size_t i = 0; i < columns_; ++i) light[i] -= first_[i];
         for (std::size_t q = 0; q < functions_; ++q) {
             const auto y = static_cast<float>(basis[q]);
-            for (std::size_t i = 0; i < columns_; ++i) light_[q * columns_ + i] += y * light[i];
+            for (std::size_t i = 0; i < columns_; ++i)
+                beyond_first_[q * columns_ + i] += y * light[i];
         }
     });
 }
@@ -94,7 +101,7 @@ std::vector<float> ReflectedLight::variation(int bands) const {
         covariance.back() += kY0 * kY0;  // the mean square of Y_q over the sphere
         for (std::size_t i = 0; i < columns_; ++i)
             r[(q - 1) * columns_ + i] =
-                light_[q * columns_ + i] - static_cast<float>(mean / kY0) * light_[i];
+                beyond_first_[q * columns_ + i] - static_cast<float>(mean / kY0) * beyond_first_[i];
     }
     factorize(covariance, size);
     solve(covariance, size, r);
@@ -102,22 +109,22 @@ std::vector<float> ReflectedLight::variation(int bands) const {
 }
 
 std::vector<double> ReflectedLight::met() const {
-    std::vector<double> met(light_.size(), 0.0);
-    for (std::size_t i = 0; i < light_.size() && count_ > 0; ++i)
-        met[i] = share_ * static_cast<double>(light_[i]) / count_;
+    std::vector<double> met(functions_ * columns_, 0.0);
+    for (std::size_t k = 0; k < functions_ && count_ > 0; ++k)
+        for (std::size_t i = 0; i < columns_; ++i)
+            met[k * columns_ + i] = share_ * light(k, i) / count_;
     return met;
 }
 
 std::vector<double> ReflectedLight::met(const ReflectedLight& other, int bands) const {
-    std::vector<double> met(light_.size(), 0.0);
+    std::vector<double> met(functions_ * columns_, 0.0);
     if (count_ == 0 || other.count_ == 0) return met;
     const std::vector<float> r = other.variation(bands);
     const std::size_t size = r.size() / columns_;
     for (std::size_t k = 0; k < functions_; ++k) {
         const double of_mean = share_ * basis_product(k, 0) / (kY0 * count_);
         for (std::size_t i = 0; i < columns_; ++i)
-            met[k * columns_ + i] =
-                of_mean * static_cast<double>(other.light_[i]) / (kY0 * other.count_);
+            met[k * columns_ + i] = of_mean * other.light(0, i) / (kY0 * other.count_);
         for (std::size_t q = 1; q <= size; ++q) {
             const double of_q = share_ * basis_product(q, k) / count_ -
                                 basis_product(q, 0) / (kY0 * count_) * of_mean;

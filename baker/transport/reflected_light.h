@@ -47,13 +47,21 @@ class ReflectedLight {
     double basis_product(std::size_t q, std::size_t k) const {
         return q >= k ? products_[q * (q + 1) / 2 + k] : products_[k * (k + 1) / 2 + q];
     }
+    /// Sum of Y_q R over the points.
+    double light(std::size_t q, std::size_t column) const {
+        return static_cast<double>(beyond_first_[q * columns_ + column]) +
+               basis_product(q, 0) / kY0 * static_cast<double>(first_[column]);
+    }
+    static constexpr double kY0 = 0.28209479177387814;  ///< 1 / sqrt(4 pi)
 
     double share_;           ///< F of SeenSurfaces
     std::size_t functions_;  ///< bands^2
     std::size_t columns_;
     double count_ = 0;              ///< of points
     std::vector<double> products_;  ///< sums of Y_q Y_k, k <= q
-    std::vector<float> light_;      ///< sums of Y_q R, [bands^2, columns]
+    /// R of the first point, and sums of Y_q (R - that), [bands^2, columns]: light that hardly
+    /// varies would drown in the rounding of its own sums.
+    std::vector<float> first_, beyond_first_;
 };
 
 }  // namespace envbake

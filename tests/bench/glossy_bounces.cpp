@@ -1,27 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
-// Glossy transport with light between surfaces, as the runtime shades it from a bundle, against
-// path tracing: a lobe of R0 = 1 on a scene of one plain material, seen from random directions
-// above random vertices. The light is the bundle's own SH, so what is missing of a map is in
-// neither.
+// Glossy transport with light between surfaces, as the runtime shades it from a bundle: white
+// metals among plain dielectrics (with_material.py), seen from random directions above random
+// vertices, against path tracing under the bundle's own SH, so what is missing of a map is in
+// neither; and their matrices, against those of rays that take the diffuse transport of what they
+// meet from the bundle.
 //
 //   glossy_bounces SCENE.glb BUNDLE.envb [PLACES]
 //
-// Prints one line of CSV: rms over places, views and channels of what differs from the truth, in
-// percent of the truth's rms, with bounces (as baked), without them on both sides (error of the
-// lobe and of the rays alone), and of shading without them what is true with them (what they are
-// worth); the noise of the truth; places. Of the baker the truth uses the places that rays start
-// from and the tracer.
+// Prints one line of CSV. Of pictures: rms over places, views and channels of what differs from the
+// truth, in percent of the truth's rms, with bounces as baked, with their mean alone, without them
+// on both sides (error of the lobe and of the rays alone), and of shading without them what is true
+// with them (what they are worth); the noise of the truth. Of matrices: |t - t_true|_F / |a + b of
+// an open vertex|_F, rms over places and channels, as baked and with the mean alone, and what the
+// bundle states. Bytes a vertex of what is stored beyond the mean; places.
+//
+// Of the baker the truth uses the places that rays start from and the tracer.
 #include "baker/input/read_scene.h"
+#include "baker/math/quadrature.h"
 #include "baker/render/ggx_sampling.h"
 #include "baker/trace/tracer.h"
 #include "baker/transport/ray_origin.h"
 #include "envbake/runtime/glossy.h"
+#include "envbake/runtime/lobe.h"
 #include "envbake/runtime/sh.h"
+#include "tests/bench/hammersley.h"
 #include "tests/bench/transport_truth.h"
+
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <numbers>
 #include <random>
 #include <string>
 #include <vector>
@@ -98,7 +108,120 @@ class PathTracer {
 };
 
 struct Sums {
-    double truth = 0, with = 0, without = 0, dark = 0, noise = 0;
+    double truth = 0, with = 0, mean = 0, without = 0, dark = 0, noise = 0;
+    double matrix = 0, matrix_of_mean = 0, stated = 0, white = 0;
+};
+
+/// What a place has blocked of each coefficient of the lighting, less what it is sent from there,
+/// by coefficients of the kernel about the normal: X of the format's page. [49, 25, 3]
+std::vector<double> blocked_light(const Scene& scene, const Tracer& tracer,
+                                  const runtime::Bundle& bundle, const DVec3& position,
+                                  const DMat3& frame) {
+    constexpr int kRays = 1 << 15;
+    std::vector<double> sums(49 * 25 * 3, 0);
+    std::vector<double> kernel(49), basis(25);
+    for (int ray = 0; ray < kRays; ++ray) {
+        const DVec2 u = hammersley(ray, kRays);
+        const DVec3 local = sample_cosine(u.x, u.y), w = frame * local;
+        const auto hit = tracer.closest(position, w);
+        if (!hit) continue;
+        sh::evaluate(7, local.x, local.y, local.z, kernel.data());
+        sh::evaluate(5, w.x, w.y, w.z, basis.data());
+        const Mesh& seen = scene.meshes[hit->mesh];
+        const Material& material = scene.materials[static_cast<std::size_t>(seen.material)];
+        DVec3 albedo = DVec3(material.base_color) * double{1 - material.metallic};
+        if (glm::dot(DVec3(hit->geometric_normal), w) > 0 && !material.double_sided)
+            albedo = DVec3(0);
+        const runtime::TransportView& diffuse = bundle.meshes()[hit->mesh].diffuse;
+        const DVec3 bary(1 - hit->u - hit->v, hit->u, hit->v);
+        for (std::size_t i = 0; i < 25; ++i) {
+            for (std::size_t c = 0; c < 3; ++c) {
+                double light = basis[i];
+                for (int k = 0; k < 3 && diffuse.bands == 5; ++k) {
+                    const std::uint64_t v =
+                        seen.triangles[3 * hit->triangle + static_cast<std::size_t>(k)];
+                    const auto channels = static_cast<std::size_t>(diffuse.channels);
+                    light -= bary[k] * albedo[static_cast<int>(c)] *
+                             double{diffuse.values[(v * 25 + i) * channels + c % channels]};
+                }
+                for (std::size_t k = 0; k < 49; ++k)
+                    sums[(k * 25 + i) * 3 + c] += kernel[k] * light / kRays;
+            }
+        }
+    }
+    return sums;
+}
+
+/// The matrices of one place, R0 = 1, as radiance in directions that integrate squares exactly.
+class MatrixCheck {
+  public:
+    explicit MatrixCheck(const runtime::LobeView& lobe) : lobe_(lobe) {
+        const Quadrature rule = gauss_legendre(5);
+        for (std::size_t i = 0; i < rule.nodes.size(); ++i) {
+            for (int k = 0; k < 10; ++k) {
+                const double z = rule.nodes[i], radius = std::sqrt(1 - z * z);
+                const double phi = 2 * std::numbers::pi * k / 10;
+                directions_.push_back({radius * std::cos(phi), radius * std::sin(phi), z});
+                weights_.push_back(rule.weights[i] * 2 * std::numbers::pi / 10);
+            }
+        }
+    }
+
+    /// Squared difference of what is blocked, mean over channels; and the square of an open place.
+    double difference(const runtime::Mesh& mesh, std::uint64_t vertex, const DMat3& frame,
+                      const std::vector<double>& blocked, double& white) const {
+        const float r = lobe_.min_roughness;
+        const std::size_t half = lobe_.kernel.count / 2;
+        std::vector<float> open(1250), found(1250), visibility(121);
+        const float* n = static_cast<const float*>(mesh.glossy.normals.data) + 3 * vertex;
+        sh::evaluate(11, n[0], n[1], n[2], visibility.data());
+        for (int l = 0; l < 11; ++l)
+            for (int m = -l; m <= l; ++m)
+                visibility[static_cast<std::size_t>(sh::index(l, m))] *=
+                    static_cast<float>(sh::clamped_cosine(l) / std::numbers::pi);
+        const runtime::GlossyView sky{1, 5, {visibility.data(), 121}, {n, 3}};
+        if (!matrices_.expand(lobe_, sky, 0, r, open)) return 0;
+        double sum = 0;
+        white = 0;
+        for (std::size_t e = 0; e < open.size(); e += 2)
+            white += std::pow(double{open[e]} + double{open[e + 1]}, 2);
+        for (int c = 0; c < 3; ++c) {
+            if (!matrices_.expand(lobe_, mesh, vertex, r, c, found)) return 0;
+            for (std::size_t d = 0; d < directions_.size(); ++d) {
+                double local[25], world[25];
+                const DVec3 w = frame * directions_[d];
+                sh::evaluate(5, directions_[d].x, directions_[d].y, directions_[d].z, local);
+                sh::evaluate(5, w.x, w.y, w.z, world);
+                for (std::size_t i = 0; i < 25; ++i) {
+                    double value = 0;
+                    for (std::size_t j = 0; j < 25; ++j) {
+                        const std::size_t at = (j * 25 + i) * 2;
+                        value += world[j] * (double{open[at]} - double{found[at]} +
+                                             double{open[at + 1]} - double{found[at + 1]});
+                    }
+                    for (int m = -4; m <= 4; ++m)
+                        for (int j = std::abs(m); j < 5; ++j)
+                            for (int k = std::abs(m); k < 7; ++k) {
+                                const std::size_t at = runtime::lobe_slot(5, 7, std::abs(m), j, k);
+                                value -=
+                                    local[sh::index(j, m)] *
+                                    (double{lobe_.kernel[at]} + double{lobe_.kernel[half + at]}) *
+                                    blocked[(static_cast<std::size_t>(sh::index(k, m)) * 25 + i) *
+                                                3 +
+                                            static_cast<std::size_t>(c)];
+                            }
+                    sum += weights_[d] * value * value / 3;
+                }
+            }
+        }
+        return sum;
+    }
+
+  private:
+    const runtime::LobeView& lobe_;
+    runtime::GlossyMatrices matrices_;
+    std::vector<DVec3> directions_;
+    std::vector<double> weights_;
 };
 
 DVec3 exit(const runtime::Bundle& bundle, const runtime::Mesh& mesh, std::uint64_t vertex,
@@ -117,10 +240,11 @@ double square(const DVec3& v) {
 int run(const std::string& scene_file, const std::string& bundle_file, std::size_t count) {
     const auto scene = read_scene(scene_file);
     const auto bundle = runtime::Bundle::open(bundle_file.c_str());
-    if (!scene || !bundle || bundle->glossy_lobe().rows == 0) {
-        std::fprintf(stderr, "glossy_bounces: no scene, or no bundle with glossy transport\n");
+    if (!scene || !bundle || bundle->glossy_lobe().rows != 1) {
+        std::fprintf(stderr, "glossy_bounces: no scene, or no bundle of one roughness\n");
         return 2;
     }
+    const auto metadata = nlohmann::json::parse(bundle->reader().metadata());
     const auto tracer = Tracer::build(*scene);
     if (!tracer) return 1;
     const PathTracer paths(*scene, *tracer, bundle->lighting());
@@ -129,17 +253,34 @@ int run(const std::string& scene_file, const std::string& bundle_file, std::size
     Random random(1);
     Sums sums;
     std::size_t places = 0;
+    int bytes = 0;
+    const MatrixCheck check(bundle->glossy_lobe());
     for (const Place& place : random_places(*scene, count)) {
         const Mesh& mesh = scene->meshes[place.mesh];
         const runtime::Mesh& baked = bundle->meshes()[place.mesh];
         const SurfacePoints points(mesh);
         const std::uint32_t representative = points.representative(place.vertex);
-        if (representative == SurfacePoints::kNone || baked.glossy.light_bands == 0) continue;
+        const Material& material = scene->materials[static_cast<std::size_t>(mesh.material)];
+        if (representative == SurfacePoints::kNone || baked.glossy.light_bands == 0 ||
+            material.metallic < 1)
+            continue;
         const RayOrigin origin = points.origin(representative, tracer->space());
         const DMat3 frame = frame_about(origin.normal);
         runtime::Mesh no_bounces = baked;
         no_bounces.diffuse = {};
+        runtime::Mesh mean = baked;
+        mean.glossy.reflected_bands = 1;
         ++places;
+        const std::vector<double> blocked =
+            blocked_light(*scene, *tracer, *bundle, origin.position, frame);
+        double white = 0;
+        sums.matrix += check.difference(baked, place.vertex, frame, blocked, white);
+        sums.matrix_of_mean += check.difference(mean, place.vertex, frame, blocked, white);
+        sums.white += white;
+        const auto& glossy = metadata.at("meshes").at(place.mesh).at("glossy");
+        sums.stated += std::pow(glossy.at("error_rms").get<double>(), 2);
+        bytes = 2 * (baked.glossy.reflected_bands * baked.glossy.reflected_bands - 1) * 25 *
+                baked.glossy.reflected_channels;
         for (int view = 0; view < kViews; ++view) {
             const DVec3 v = sample_cosine(uniform(random), uniform(random));
             DVec3 direct(0), all(0), all_squares(0);
@@ -166,6 +307,7 @@ int run(const std::string& scene_file, const std::string& bundle_file, std::size
             const DVec3 world = frame * v;
             sums.truth += square(all);
             sums.with += square(exit(*bundle, baked, place.vertex, roughness, world) - all);
+            sums.mean += square(exit(*bundle, mean, place.vertex, roughness, world) - all);
             const DVec3 dark = exit(*bundle, no_bounces, place.vertex, roughness, world);
             sums.without += square(dark - direct);
             sums.dark += square(dark - all);
@@ -174,10 +316,14 @@ int run(const std::string& scene_file, const std::string& bundle_file, std::size
         }
     }
     const auto percent = [&](double sum) { return 100 * std::sqrt(sum / sums.truth); };
-    std::printf("scene,roughness,with_bounces,without_on_both_sides,left_out,noise,places\n");
-    std::printf("%s,%.2f,%.2f,%.2f,%.2f,%.2f,%zu\n", scene->file_name.c_str(), double{roughness},
-                percent(sums.with), percent(sums.without), percent(sums.dark), percent(sums.noise),
-                places);
+    std::printf(
+        "scene,roughness,with_bounces,with_their_mean,without_on_both_sides,left_out,noise,"
+        "true_rms,true_rms_of_mean,stated_rms,bytes,places\n");
+    std::printf("%s,%.2f,%.2f,%.2f,%.2f,%.2f,%.2f,%.3e,%.3e,%.3e,%d,%zu\n",
+                scene->file_name.c_str(), double{roughness}, percent(sums.with), percent(sums.mean),
+                percent(sums.without), percent(sums.dark), percent(sums.noise),
+                std::sqrt(sums.matrix / sums.white), std::sqrt(sums.matrix_of_mean / sums.white),
+                std::sqrt(sums.stated / static_cast<double>(places)), bytes, places);
     return 0;
 }
 

@@ -144,15 +144,23 @@ def glossy_check(rows):
 
 
 def glossy_bounces(rows):
-    header = ["scene", "r", "with bounces", "without, on both sides", "left out", "noise of the truth"]
+    header = ["scene", "r", "with bounces", "their mean alone", "without, on both sides", "left out",
+              "noise of the truth"]
+    keys = ("with_bounces", "with_their_mean", "without_on_both_sides", "left_out", "noise")
     return header, [[name(r["scene"].removesuffix(".glb")), f"{float(r['roughness']):g}",
-                     *(f"{float(r[k]):.2g} %" for k in ("with_bounces", "without_on_both_sides", "left_out", "noise"))]
-                    for r in rows]
+                     *(f"{float(r[k]):.2g} %" for k in keys)] for r in rows]
+
+
+def glossy_bounces_matrices(rows):
+    header = ["scene", "r", "true rms of t", "with the mean alone", "stated", "bytes beyond the mean"]
+    return header, [[name(r["scene"].removesuffix(".glb")), f"{float(r['roughness']):g}", si(r["true_rms"]),
+                     si(r["true_rms_of_mean"]), si(r["stated_rms"]), f"{int(r['bytes']):,}"] for r in rows]
 
 
 def glossy_cost(rows):
-    header = ["scene", "without", "with", "ratio"]
-    return header, [[name(r["scene"]), seconds(r["without_cpu_s"]), seconds(r["with_cpu_s"]), r["ratio"]]
+    header = ["scene", "without", "with", "ratio", "bounces, without", "bounces, with", "ratio"]
+    return header, [[name(r["scene"]), seconds(r["without_cpu_s"]), seconds(r["with_cpu_s"]), r["ratio"],
+                     seconds(r["bounces_without_cpu_s"]), seconds(r["bounces_with_cpu_s"]), r["bounces_ratio"]]
                     for r in rows]
 
 
@@ -275,6 +283,7 @@ TABLES = {  # name: CSV, function
     "glossy_pictures": ("glossy_pictures", glossy_pictures),
     "glossy_check": ("glossy_check", glossy_check),
     "glossy_bounces": ("glossy_bounces", glossy_bounces),
+    "glossy_bounces_matrices": ("glossy_bounces", glossy_bounces_matrices),
     "glossy_cost": ("glossy_cost", glossy_cost),
     "wavelet_terms": ("wavelets", wavelet_terms),
     "wavelet_cost": ("wavelets", wavelet_cost),

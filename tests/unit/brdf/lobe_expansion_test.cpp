@@ -125,6 +125,32 @@ TEST(LobeExpansion, AMirrorReflectsEveryBand) {
 }
 
 /// Rows between others are interpolated: 1/32 in roughness, against those that are computed.
+/// Errors of light from surfaces become those of exit radiance by the kernel.
+TEST(LobeExpansion, LightThatIsOffComesThroughTheLobe) {
+    const LobeExpansionJob job{.exit_bands = 4, .light_bands = 3, .roughness = {0.6, 0.6}};
+    const LobeExpansion lobe = expand_lobe(job);
+    const double r0 = 0.3;
+    std::vector<double> x(49);
+    for (std::size_t k = 0; k < x.size(); ++k) x[k] = std::sin(1.7 * static_cast<double>(k) + 1);
+    const auto of_m = [&](const std::vector<float>& row, int bands, int m, int j, int k, double a) {
+        return a * element(row, job, bands, 0, std::abs(m), j, k) +
+               element(row, job, bands, 1, std::abs(m), j, k);
+    };
+    double sum = 0, white = 0;
+    for (int m = -3; m <= 3; ++m) {
+        for (int j = std::abs(m); j < 4; ++j) {
+            double exit = 0;
+            for (int k = std::abs(m); k < 7; ++k)
+                exit +=
+                    of_m(lobe.kernel, 7, m, j, k, r0) * x[static_cast<std::size_t>(k * k + k + m)];
+            sum += exit * exit;
+            for (int i = std::abs(m); i < 3; ++i)
+                white += std::pow(of_m(lobe.unoccluded, 3, m, j, i, 1), 2);
+        }
+    }
+    EXPECT_NEAR(lobe_errors(job, 0.6, r0).of_reflected(x), sum / white, 1e-5 * sum / white);
+}
+
 TEST(LobeExpansion, RowsLieCloseEnough) {
     LobeExpansionJob job{.roughness = {0.4, 1}};
     const LobeExpansion table = expand_lobe(job);

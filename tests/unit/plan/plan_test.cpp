@@ -211,6 +211,53 @@ TEST(Plan, BouncesWhereTheyAreAskedForAndCanBeSeen) {
     EXPECT_EQ(stage(plan_of(facts, request), "bounces").reason, "no mesh has transport");
 }
 
+/// One lobe a material, of the meshes that have glossy transport.
+TEST(Plan, BouncesKnowTheLobesThatTheyReach) {
+    BakeFacts facts = facts_of({dielectric(0.5f), metal(0.6f), metal(0.2f)});
+    facts.meshes.push_back(facts.meshes[1]);
+    BakeRequest request;
+    request.bounces = kAllBounces;
+    const auto job = [&] {
+        return std::get<PlannedBounces>(*stage(plan_of(facts, request), "bounces").job).job.lobes;
+    };
+    EXPECT_TRUE(job().errors.empty());
+    EXPECT_TRUE(job().lobe_of_mesh.empty());
+
+    request.glossy = GlossyChoice::WhereItShows;
+    const LobeLightJob lobes = job();
+    ASSERT_EQ(lobes.errors.size(), 2u);
+    EXPECT_EQ(lobes.lobe_of_mesh,
+              (std::vector<std::size_t>{0, 1, LobeLightJob::kNoLobe, 1}));  // 0.2: too sharp for SH
+    EXPECT_EQ(lobes.light_bands, 5);
+    std::vector<double> x(49, 0);
+    x[0] = 1;
+    EXPECT_GT(lobes.errors[1][0](x), 5 * lobes.errors[0][0](x));  // R0 = 0.9 and 0.04
+
+    request.distributions = {runtime::Distribution::Ggx, runtime::Distribution::Beckmann};
+    facts.materials[1].min_roughness = 0.5f;
+    EXPECT_EQ(job().errors[1].size(), 6u);  // least, middle and largest roughness of both
+}
+
+/// Metals have transport for the light that comes to their lobes; among themselves they send none.
+TEST(Plan, MetalsAloneHaveNoTransportForBounces) {
+    BakeFacts facts = facts_of({metal(0.5f), dielectric(0.5f)});
+    BakeRequest request;
+    request.glossy = GlossyChoice::WhereItShows;
+    request.bounces = kAllBounces;
+    const auto glossy = [](const BakePlan& plan) {
+        return std::get<PlannedGlossy>(*stage(plan, "mesh/0/glossy").job);
+    };
+    BakePlan plan = plan_of(facts, request);
+    EXPECT_TRUE(stage(plan, "mesh/0/diffuse").job);
+    EXPECT_TRUE(glossy(plan).with_diffuse);
+    facts.materials[1].max_diffuse_albedo = 0;
+    facts.materials[1].max_r0 = 0;
+    plan = plan_of(facts, request);
+    EXPECT_FALSE(stage(plan, "bounces").job);
+    EXPECT_FALSE(stage(plan, "mesh/0/diffuse").job);
+    EXPECT_FALSE(glossy(plan).with_diffuse);
+}
+
 TEST(Plan, NoSceneMeansAllLightingAndNoTransport) {
     BakeFacts facts;
     facts.environment = sky();
