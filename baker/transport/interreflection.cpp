@@ -300,30 +300,28 @@ std::vector<LobeLight::Errors> Interreflection::errors_of_lobes(const SeenSurfac
     return errors;
 }
 
-/// Those that every stride-th ray does for, and the others. The light is the direct one, as in
+/// One for all lobes that every stride-th ray does not do for. The light is the direct one, as in
 /// error_at().
 void Interreflection::choose_strides_of_lobes(double stride) {
     const double allowed = kRaysShare * job_.tolerance;
-    strides_of_lobes_.assign(job_.lobes.errors.size(), stride);
+    std::vector<bool> more(job_.lobes.errors.size());
     double smaller = stride;
-    std::vector<bool> more;
-    for (int round = 0; round < 3 && smaller > (round == 0 ? 0 : 1); ++round) {
-        const std::vector<LobeLight::Errors> errors =
-            errors_of_lobes(look_of_lobes(smaller), smaller);
-        more.resize(errors.size(), true);
+    for (int round = 0; round < 3; ++round) {
+        const auto errors = errors_of_lobes(look_of_lobes(smaller), smaller);
         double change = 1;
         for (std::size_t lobe = 0; lobe < errors.size(); ++lobe) {
-            if (round == 0) more[lobe] = errors[lobe].least() > allowed;
+            const double least = errors[lobe].least();
+            if (round == 0) more[lobe] = least > allowed;
             // As if rays were all that errs, but no more of them than take that away.
-            if (errors[lobe].least() > allowed)
-                change = std::min(change, allowed * std::max(1 / errors[lobe].least(),
-                                                             kLeastRaysShare / errors[lobe].noise));
+            if (least > allowed)
+                change = std::min(
+                    change, allowed * std::max(1 / least, kLeastRaysShare / errors[lobe].noise));
         }
-        if (change == 1) break;
+        if (change == 1 || smaller == 1) break;
         smaller = std::max(1.0, smaller * std::pow(change, 1 / kRaysExponent));
     }
     for (std::size_t lobe = 0; lobe < more.size(); ++lobe)
-        if (more[lobe]) strides_of_lobes_[lobe] = smaller;
+        strides_of_lobes_.push_back(more[lobe] ? smaller : stride);
     for (const double chosen : strides_of_lobes_)
         if (!looks_.contains(chosen)) looks_.emplace(chosen, look_of_lobes(chosen));
 }

@@ -154,13 +154,15 @@ class SphereRule {
 
     /// Slots sh::index; the orders' part in closed form.
     double integral(const std::array<int, 3>& l, const std::array<int, 3>& m) const {
+        const double of_orders = around(m);
+        if (of_orders == 0) return 0;
         double sum = 0;
         for (std::size_t i = 0; i < kRows; ++i) {
             double product = weight_[i] * kColumns / (2 * pi);
             for (std::size_t k = 0; k < 3; ++k) product *= meridian_[i][slot(l[k], std::abs(m[k]))];
             sum += product;
         }
-        return sum * around(m);
+        return sum * of_orders;
     }
 
   private:
@@ -259,9 +261,10 @@ SurfaceLight light_of_surfaces(const Mesh& mesh, std::uint64_t vertex,
     const float blocked_share = blocked[0] * kRoot4Pi;
     if (diffuse.bands == 0 || !(blocked_share > 1e-3f)) return {};
     const std::size_t count = square(std::min(diffuse.bands, glossy.light_bands));
+    const ShLightingView shading{glossy.light_bands,
+                                 std::span(lighting[0].data(), 3 * lighting.size())};
     Rgb mean;
-    diffuse_exit(diffuse, {glossy.light_bands, std::span(lighting[0].data(), 3 * lighting.size())},
-                 vertex, {&mean, 1});
+    diffuse_exit(diffuse, shading, vertex, {&mean, 1});
     const std::uint64_t direct = vertex * square(glossy.light_bands + kExtraVisibilityBands);
     for (std::size_t i = 0; i < count; ++i)
         for (std::size_t c = 0; c < 3; ++c)
@@ -269,13 +272,16 @@ SurfaceLight light_of_surfaces(const Mesh& mesh, std::uint64_t vertex,
 
     SurfaceLight light{glossy.reflected_bands, {}};
     for (std::size_t c = 0; c < 3; ++c) light.coeffs[0][c] = mean[c] / blocked_share * kRoot4Pi;
-    const auto channels = static_cast<std::size_t>(glossy.reflected_channels);
+    // Rows of r are like rows of transport, so many a vertex.
     const std::size_t functions = square(glossy.reflected_bands);
-    std::uint64_t r = vertex * (functions - 1) * lighting.size() * channels;
+    TransportView variation;
+    variation.vertex_count = (functions - 1) * glossy.vertex_count;
+    variation.bands = glossy.light_bands;
+    variation.channels = glossy.reflected_channels;
+    variation.values = glossy.reflected;
+    diffuse_exit(variation, shading, (functions - 1) * vertex,
+                 std::span(light.coeffs).subspan(1, functions - 1));
     for (std::size_t q = 1; q < functions; ++q) {
-        for (std::size_t i = 0; i < lighting.size(); ++i, r += channels)
-            for (std::size_t c = 0; c < 3; ++c)
-                light.coeffs[q][c] += lighting[i][c] * glossy.reflected[r + c % channels];
         const float mean_of_basis = blocked[q] / blocked_share;
         for (std::size_t c = 0; c < 3; ++c)
             light.coeffs[0][c] -= light.coeffs[q][c] * mean_of_basis * kRoot4Pi;

@@ -2,6 +2,7 @@
 // Shading on the CPU from glossy transport, in multiply-adds beside what this build's own
 // arithmetic can do. One thread. Run with --benchmark_format=csv for a table.
 #include "envbake/runtime/glossy.h"
+#include "envbake/runtime/half.h"
 #include "envbake/runtime/sh.h"
 
 #include <benchmark/benchmark.h>
@@ -18,7 +19,8 @@ namespace {
 struct Content {
     static constexpr int kExit = 5, kLight = 5;
     static constexpr std::uint64_t kVertices = 10000;
-    std::vector<float> coeffs, visibility, normals, unoccluded, kernel;
+    std::vector<float> coeffs, visibility, normals, unoccluded, kernel, diffuse;
+    std::vector<std::uint16_t> reflected;
 
     Content() {
         std::mt19937 random(1);
@@ -30,6 +32,8 @@ struct Content {
         };
         coeffs = fill(75);
         visibility = fill(kVertices * 121);
+        diffuse = fill(kVertices * 75);
+        for (const float x : fill(kVertices * 15 * 75)) reflected.push_back(float_to_half(x));
         unoccluded = fill(2 * lobe_size(kExit, kLight));
         kernel = fill(2 * lobe_size(kExit, kLobeBands));
         for (std::uint64_t v = 0; v < kVertices; ++v) {
@@ -50,6 +54,18 @@ struct Content {
         mesh.vertex_count = kVertices;
         mesh.glossy = transport();
         return mesh;
+    }
+    /// Where light bounces, RGB: with what surfaces send by direction, in four bands.
+    Mesh mesh_with_bounces() const {
+        Mesh with = mesh();
+        with.diffuse.vertex_count = kVertices;
+        with.diffuse.bands = kLight;
+        with.diffuse.channels = 3;
+        with.diffuse.values = {diffuse.data(), diffuse.size()};
+        with.glossy.reflected_bands = kMaxReflectedBands;
+        with.glossy.reflected_channels = 3;
+        with.glossy.reflected = {reflected.data(), reflected.size(), true};
+        return with;
     }
     LobeView lobe() const {
         return {1,
@@ -104,6 +120,18 @@ void transfer(benchmark::State& state) {
     rate(state, 3.0 * 121 * 49);
 }
 
+void transfer_with_bounces(benchmark::State& state) {
+    const Content content;
+    const Mesh mesh = content.mesh_with_bounces();
+    const auto light = std::make_unique<GlossyLight>(content.lighting(), 5);
+    std::uint64_t v = 0;
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(light->transfer(mesh, v));
+        v = (v + 1) % Content::kVertices;
+    }
+    rate(state, 3.0 * (121 * 49 + 15 * 25 + 2817));
+}
+
 /// Of a lobe, once a vertex or pixel.
 void reflect_lobe(benchmark::State& state) {
     const Content content;
@@ -144,6 +172,7 @@ void matrices(benchmark::State& state) {
 BENCHMARK(peak);
 BENCHMARK(prepare_light);
 BENCHMARK(transfer);
+BENCHMARK(transfer_with_bounces);
 BENCHMARK(reflect_lobe);
 BENCHMARK(radiance);
 BENCHMARK(matrices);

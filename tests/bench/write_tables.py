@@ -244,7 +244,8 @@ def runtime(rows):
 def glossy_runtime(rows):
     header = ["what", "built for", "CPU time", "multiply-adds a second"]
     words = {"peak": "multiply-adds of a plain loop, 256,000 of them", "prepare_light": "a new light, once",
-             "transfer": "what reaches a vertex", "reflect_lobe": "a lobe of it", "radiance": "a view of that",
+             "transfer": "what reaches a vertex",
+             "transfer_with_bounces": "the same with four bands of light between surfaces, RGB", "reflect_lobe": "a lobe of it", "radiance": "a view of that",
              "matrices": "the matrices a and b themselves, instead"}
     return header, [[words[r["name"].strip('"')], r["build"], seconds(1e-9 * float(r["cpu_time"])),
                      f"{float(r['multiply_adds']) / 1e9:.1f} G" if r["multiply_adds"] else ""] for r in rows]
