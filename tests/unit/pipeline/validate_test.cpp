@@ -286,6 +286,18 @@ TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
             c.also = [=](Writer& w) { add_lobe(w, unoccluded, kernel); };
         };
     };
+    // With glossy transport of so many lighting bands, 0: without.
+    const auto add_reflected = [](Writer& w, int mesh, std::vector<std::uint64_t> shape,
+                                  std::uint64_t light_bands) {
+        const std::string prefix = concat("mesh/", mesh);
+        add_all(w, prefix + "/reflected", std::move(shape), format::Half{0x3c00});
+        if (light_bands == 0) return;
+        add_ones(w, prefix + "/glossy", {2, (light_bands + 6) * (light_bands + 6)});
+        add_all(w, prefix + "/normal", {2, 3}, 0.0f);
+    };
+    const auto reflected = [&](std::vector<std::uint64_t> shape, std::uint64_t light_bands = 2) {
+        return also([=](Writer& w) { add_reflected(w, 0, shape, light_bands); });
+    };
     const auto text = [](const char* from, const char* to) -> Fault {
         return [from, to](Content& c) { c.replace(from, to); };
     };
@@ -553,6 +565,26 @@ TEST_F(Validate, EveryRuleOfTheDocumentHasAFileThatBreaksIt) {
         {156, also([](Writer& w) {
              add_ones(w, "mesh/0/normal", {2, 3});
          })},
+        {142, reflected({3, 3, 4})},
+        {157, reflected({2, 3, 4}, 0)},
+        {157, reflected({2, 3, 4}, 3)},
+        {157, reflected({2, 8, 9, 3}, 2)},
+        {157, second_mesh([=](Writer& w) {
+             add_reflected(w, 1, {2, 3, 4}, 2);
+         })},
+        {158, also([](Writer& w) {
+             add_ones(w, "mesh/0/reflected", {2, 3, 4});
+         })},
+        {159, reflected({2, 12})},
+        {159, reflected({2, 3, 4, 1})},
+        {159, reflected({2, 3, 4, 2})},
+        {159, reflected({2, 3, 4, 3, 1})},
+        {159, reflected({2, 0, 4})},
+        {159, reflected({2, 4, 4})},
+        {159, reflected({2, 8, 4})},
+        {159, reflected({2, 3, 5})},
+        {159, reflected({2, 24, 25})},
+        {159, reflected({2, 3, 36})},
         {169, also([](Writer& w) {
              add_zeros(w, "mesh/0/glossy", {2, 49});
          })},
@@ -917,6 +949,30 @@ TEST_F(Validate, GlossyTransportOfTwoLobesIsGood) {
             writer.add<float>("mesh/0/normal", {2, 3}, std::vector<float>{0, 0, 0, 0, 1, 0}));
     };
     EXPECT_EQ(codes(content), Codes{});
+}
+
+TEST_F(Validate, LightThatSurfacesSendByDirectionIsGood) {
+    struct Case {
+        std::uint64_t light_bands;
+        std::vector<std::uint64_t> shape;
+        bool clustered = false;
+    };
+    for (const auto& [n, shape, is_clustered] :
+         {Case{2, {2, 3, 4}}, Case{2, {2, 3, 4, 3}, true}, Case{3, {2, 8, 9}},
+          Case{5, {2, 3, 25}, true}, Case{5, {2, 15, 25, 3}}}) {
+        SCOPED_TRACE(n);
+        Content content;
+        content.replace("\"vertex_count\":2}]", R"("vertex_count":2},
+                        {"node":1,"mesh":1,"primitive":0,"vertex_count":2}])");
+        content.also = [=, n = n, shape = shape, is_clustered = is_clustered](Writer& writer) {
+            const std::string mesh = is_clustered ? "mesh/1" : "mesh/0";
+            add_all(writer, mesh + "/reflected", shape, format::Half{0x3c00});
+            add_ones(writer, mesh + "/glossy", {2, (n + 6) * (n + 6)});
+            add_all(writer, mesh + "/normal", {2, 3}, 0.0f);
+            if (is_clustered) Clustered{}(writer);
+        };
+        EXPECT_EQ(codes(content), Codes{});
+    }
 }
 
 TEST_F(Validate, ElevenMipsEndAtOneTexel) {
