@@ -548,6 +548,101 @@ TEST(BundleWavelets, AreRefusedWhereTheyDoNotFit) {
     EXPECT_EQ(refused([](Wavelets& w) { w.offsets = {0, 5, 5}; }), Errc::ArrayShape);
 }
 
+/// Glossy transport of three vertices in three bands, and what surfaces send by direction.
+struct Reflected {
+    std::vector<std::uint64_t> shape{3, 8, 9, 3};
+    Codec codec = Codec::None;
+    bool with_glossy = true, with_reflected = true, as_f32 = false, as_u16 = false;
+
+    AlignedBytes bundle() const {
+        std::uint64_t count = 1;
+        for (const std::uint64_t axis : shape) count *= axis;
+        BundleBuilder builder;
+        if (with_glossy)
+            builder.add("mesh/0/glossy", {3, 81}, ramp(3 * 81))
+                .add("mesh/0/normal", {3, 3}, std::vector<float>{1, 0, 0, 0, 1, 0, 0, 0, 1});
+        if (as_u16)
+            builder.add("mesh/0/reflected", shape, std::vector<std::uint16_t>(count), codec);
+        else if (as_f32)
+            builder.add("mesh/0/reflected", shape, ramp(count), codec);
+        else if (with_reflected)
+            builder.add("mesh/0/reflected", shape, half_ramp(count), codec);
+        builder.metadata(R"({"meshes":[{"node":0,"mesh":0,"primitive":0,"vertex_count":3}]})");
+        return builder.finish_in_memory();
+    }
+    Errc refused() const {
+        const AlignedBytes bytes = bundle();
+        const auto opened = Bundle::open(bytes.bytes());
+        return opened ? Errc::None : opened.error().code;
+    }
+};
+
+TEST(BundleReflected, IsOpenedInEveryShape) {
+    struct Case {
+        std::vector<std::uint64_t> shape;
+        int bands, channels;
+    };
+    for (const Case& c :
+         {Case{{3, 3, 9}, 2, 1}, {{3, 3, 9, 3}, 2, 3}, {{3, 8, 9}, 3, 1}, {{3, 8, 9, 3}, 3, 3}})
+        for (const Codec codec : {Codec::None, Codec::Zstd}) {
+            const AlignedBytes bytes = Reflected{.shape = c.shape, .codec = codec}.bundle();
+            const auto bundle = Bundle::open(bytes.bytes());
+            ASSERT_TRUE(bundle) << to_string(bundle.error());
+            const GlossyView& glossy = bundle->meshes()[0].glossy;
+            EXPECT_EQ(glossy.light_bands, 3);
+            EXPECT_EQ(glossy.reflected_bands, c.bands);
+            EXPECT_EQ(glossy.reflected_channels, c.channels);
+            const std::uint64_t count = 3 * c.shape[1] * 9 * static_cast<std::uint64_t>(c.channels);
+            ASSERT_EQ(glossy.reflected.count, count);
+            EXPECT_TRUE(glossy.reflected.is_half);
+            EXPECT_EQ(glossy.reflected[count - 1], static_cast<float>(count - 1));
+        }
+    const AlignedBytes f32 = Reflected{.as_f32 = true}.bundle();
+    const auto bundle = Bundle::open(f32.bytes());
+    ASSERT_TRUE(bundle) << "who reads may take more than who writes gives";
+    EXPECT_EQ(bundle->meshes()[0].glossy.reflected[1], 1);
+}
+
+TEST(BundleReflected, AbsentAndAloneItIsNothing) {
+    for (const bool with_glossy : {true, false}) {
+        const Reflected content{.with_glossy = with_glossy, .with_reflected = !with_glossy};
+        const AlignedBytes bytes = content.bundle();
+        const auto bundle = Bundle::open(bytes.bytes());
+        ASSERT_TRUE(bundle) << to_string(bundle.error());
+        const GlossyView& glossy = bundle->meshes()[0].glossy;
+        EXPECT_EQ(glossy.light_bands, with_glossy ? 3 : 0);
+        EXPECT_EQ(glossy.reflected_bands, 1);
+        EXPECT_EQ(glossy.reflected_channels, 1);
+        EXPECT_EQ(glossy.reflected.count, 0u);
+    }
+}
+
+TEST(BundleReflected, IsRefusedWhereItDoesNotFit) {
+    using Shape = std::vector<std::uint64_t>;
+    EXPECT_EQ(Reflected().refused(), Errc::None);
+    for (const Shape& shape : {
+             Shape{3 * 8 * 9},  // of another rank
+             {3, 72},
+             {3, 8, 9, 3, 1},
+             {2, 8, 9},  // of other vertices
+             {4, 8, 9, 3},
+             {3, 0, 9},  // of one band, of no whole number of them, of more than the lighting has
+             {3, 7, 9},
+             {3, 9, 9},
+             {3, 15, 9},
+             {3, 24, 9, 3},
+             {3, 8, 4},  // of other lighting
+             {3, 8, 10},
+             {3, 8, 16},
+             {3, 8, 9, 1},  // of other channels
+             {3, 8, 9, 2},
+             {3, 8, 9, 4},
+         })
+        EXPECT_EQ(Reflected{.shape = shape}.refused(), Errc::ArrayShape)
+            << testing::PrintToString(shape);
+    EXPECT_EQ(Reflected{.as_u16 = true}.refused(), Errc::ArrayType);
+}
+
 // The seeds of the fuzzer: between them they have every array and encoding.
 TEST(Bundle, OpensWhatBakesHaveWritten) {
     bool clustered = false, quantised = false, glossy = false, wavelet = false;
