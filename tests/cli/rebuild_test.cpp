@@ -220,6 +220,20 @@ TEST_F(Rebuild, AnotherEnvironmentOverEveryKindOfTransport) {
     }
 }
 
+// What they send into lobes by direction is kept with the rest, and the self-test asks about it.
+TEST_F(Rebuild, AnotherEnvironmentKeepsTheLightThatSurfacesSend) {
+    const std::string metal = write_metal_below_clay(folder_.path(), "metal", 2).string();
+    for (const Arguments& encoding :
+         std::vector<Arguments>{{"--encoding", "f32"}, {"--encoding", "cpca", "--compress"}}) {
+        const Arguments more = small_ + Arguments{"--glossy", "all", "--bounces", "all"} + encoding;
+        const Result result = rebuild(Arguments{metal, "--env", sky_} + more,
+                                      Arguments{metal, "--env", other_sky_} + more);
+        EXPECT_FALSE(result.traced);
+        EXPECT_TRUE(result.kept.contains("bounces"));
+        EXPECT_NE(result.bytes.find("mesh/1/reflected"), std::string::npos);
+    }
+}
+
 // Their light is chosen by looking at a few vertices: these rays are traced, no others.
 TEST_F(Rebuild, AnotherEnvironmentKeepsTheTransportOfWavelets) {
     const Arguments more = small_ + Arguments{"--wavelet", "16"};

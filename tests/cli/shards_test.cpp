@@ -105,6 +105,17 @@ TEST_F(Shards, MergedTheyAreTheBytesOfOneBake) {
     }
 }
 
+TEST_F(Shards, WhatSurfacesSendIntoLobesIsThatOfOneBake) {
+    const std::string metal = write_metal_below_clay(folder_.path(), "metal", 16).string();
+    const Arguments arguments = Arguments{metal,       "--env", sky_,          "--glossy", "all",
+                                          "--bounces", "all",   "--tolerance", "0.02"} +
+                                small_;
+    for (int i = 1; i <= 3; ++i) bake_shard(arguments, i, 3, i == 2 ? "2" : "1");
+    const std::string bytes = merged(shard_files(3), {"--scene", metal});
+    EXPECT_NE(bytes.find("mesh/1/reflected"), std::string::npos);
+    EXPECT_TRUE(bytes == whole(arguments)) << "the bytes differ";
+}
+
 TEST_F(Shards, BouncesNeedTheSceneThatThePartsWereBakedFrom) {
     const Arguments arguments{two_, "--rays", "48", "--bounces", "1"};
     for (int i = 1; i <= 2; ++i) bake_shard(arguments, i, 2);

@@ -76,6 +76,26 @@ inline std::filesystem::path write_two_meshes(const std::filesystem::path& folde
     return file;
 }
 
+/// The small scene of metal, mesh 1 of the bake, and above it itself once more of bright yellow
+/// clay, mesh 0: what surfaces send into the metal differs by direction.
+inline std::filesystem::path write_metal_below_clay(const std::filesystem::path& folder,
+                                                    const std::string& name, int n) {
+    const std::string colour = R"("pbrMetallicRoughness":{"baseColorFactor":[0.9,0.6,0.3,1],)";
+    const std::filesystem::path file = write_two_meshes(folder, name, n, R"("doubleSided":true,)");
+    std::string text = read_file(file);
+    const auto replace = [&](const std::string& from, const std::string& to) {
+        text.replace(text.find(from), from.size(), to);
+    };
+    replace(R"("nodes":[{"mesh":0,)", R"("nodes":[{"mesh":1,)");
+    replace(R"("pbrMetallicRoughness":{)", colour);
+    replace(R"("materials":[)", R"("materials":[{"name":"metal","doubleSided":true,
+"pbrMetallicRoughness":{"metallicFactor":1,"roughnessFactor":0.5}},)");
+    replace(R"("material":0}]})", R"("material":0}]},
+{"name":"clay box","primitives":[{"attributes":{"POSITION":0},"indices":1,"material":1}]})");
+    write_file(file, text);
+    return file;
+}
+
 /// Writes a 32 x 16 grey sky with a bright, yellowish texel high in the +X half. `level` is a whole
 /// number of 1 to 255, but not 2: a row that begins with 2, 2 would be read as run-length encoded.
 inline std::filesystem::path write_small_sky(const std::filesystem::path& file, float level = 1) {
