@@ -35,14 +35,18 @@ void shade(const runtime::Bundle& bundle) {
     std::vector<runtime::Rgb> out(6);
     std::vector<float> projected(runtime::projected_size(bundle.cluster_basis()));
     runtime::project_light(bundle.cluster_basis(), bundle.lighting(), projected);
-    const runtime::GlossyLight glossy_light(bundle.lighting(), bundle.glossy_lobe().light_bands);
+    static const runtime::GlossyMatrices matrices;
+    const runtime::LobeView& lobe = bundle.glossy_lobe();
+    const runtime::GlossyLight glossy_light(bundle.lighting(), lobe.light_bands);
+    std::vector<float> matrix(static_cast<std::size_t>(lobe.exit_bands * lobe.exit_bands *
+                                                       lobe.light_bands * lobe.light_bands * 2));
     for (const runtime::Mesh& mesh : bundle.meshes()) {
         runtime::diffuse_exit(mesh.diffuse, bundle.lighting(), 0, out);
         sum += out[0][0] + out[5][2];
         runtime::diffuse_exit(mesh.diffuse, projected, 1, out);
         sum += out[0][0] + out[5][2];
-        sum += runtime::reflect(bundle.glossy_lobe(), glossy_light.transfer(mesh, 1), 0.6f,
-                                {0.5f, 0.5f, 0.5f})
+        if (matrices.expand(lobe, mesh, 0, 0.6f, 2, matrix)) sum += matrix.back();
+        sum += runtime::reflect(lobe, glossy_light.transfer(mesh, 1), 0.6f, {0.5f, 0.5f, 0.5f})
                    .radiance({0, 0.6f, 0.8f})[1];
         runtime::diffuse_exit(mesh.wavelet, bundle.wavelet_lighting().terms, 0, out);
         sum += out[0][0] + out[5][2];

@@ -645,7 +645,7 @@ TEST(BundleReflected, IsRefusedWhereItDoesNotFit) {
 
 // The seeds of the fuzzer: between them they have every array and encoding.
 TEST(Bundle, OpensWhatBakesHaveWritten) {
-    bool clustered = false, quantised = false, glossy = false, wavelet = false;
+    bool clustered = false, quantised = false, glossy = false, wavelet = false, reflected = false;
     for (const auto& file : std::filesystem::directory_iterator(ENVBAKE_BUNDLES)) {
         const auto bundle = Bundle::open(file.path().c_str());
         ASSERT_TRUE(bundle) << file.path() << ": " << format::to_string(bundle.error());
@@ -653,10 +653,11 @@ TEST(Bundle, OpensWhatBakesHaveWritten) {
             clustered |= mesh.diffuse.encoding == TransportEncoding::Clustered;
             quantised |= mesh.diffuse.encoding == TransportEncoding::Unorm16;
             glossy |= mesh.glossy.light_bands > 0 && bundle->glossy_lobe().rows > 0;
+            reflected |= mesh.glossy.reflected_bands > 1;
             wavelet |= mesh.wavelet.face_size > 0;
         }
     }
-    EXPECT_TRUE(clustered && quantised && glossy && wavelet);
+    EXPECT_TRUE(clustered && quantised && glossy && reflected && wavelet);
 }
 
 }  // namespace
