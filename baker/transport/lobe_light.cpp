@@ -86,11 +86,13 @@ std::vector<LobeLight::Errors> LobeLight::errors(const SeenSurfaces& seen, doubl
             }
             means.push_back(sum / static_cast<double>(count));
         }
-        const double of_truth = means[0] * truth_part;
-        errors[lobe].noise = std::sqrt(means[0] - of_truth);
+        errors[lobe].noise = std::sqrt(means[0] * (1 - truth_part));
+        // Bands are met where the truth's points are: of its errors they have less than means[0],
+        // which has those of its directions, too.
+        const double of_truth = *std::min_element(means.begin(), means.end()) * truth_part;
         for (std::size_t k = 1; k < squares.size(); ++k) {
             std::sort(squares[k].begin(), squares[k].end());
-            errors[lobe].rms.push_back(std::sqrt(std::max(means[k] - of_truth, 0.0)));
+            errors[lobe].rms.push_back(std::sqrt(means[k] - of_truth));
             errors[lobe].p999.push_back(std::sqrt(squares[k][count - 1 - count / 1000]));
         }
     }

@@ -259,6 +259,12 @@ TEST_F(Commands, SurfacesSendLightIntoMetalByDirection) {
     EXPECT_EQ(envbake({"extract", bundle_, "mesh/1/reflected", "-o", npy}).status, 0);
     EXPECT_NE(read_file(npy).find(", 9, 3, )"), std::string::npos);
 
+    // Of few rays the error is stated, too: here some 0.5 %.
+    bake({"--glossy", "all", "--bounces", "all", "--rays", "64"});
+    const json few = dump()["metadata"]["meshes"][1]["glossy"]["reflected"];
+    EXPECT_GT(few["error_rms"], 1e-3);
+    EXPECT_LT(few["error_rms"], few["error_p999"]);
+
     // Without bounces surfaces send nothing.
     bake({"--glossy", "all"});
     EXPECT_EQ(envbake({"extract", bundle_, "mesh/1/reflected", "-o", npy}).status, 2);
