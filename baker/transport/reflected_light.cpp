@@ -91,7 +91,7 @@ ReflectedLight::ReflectedLight(const Job& job, const SeenSurfaces& seen, std::si
 std::vector<float> ReflectedLight::variation(int bands) const {
     const auto size = static_cast<std::size_t>(sh::coeff_count(bands)) - 1;
     std::vector<float> r(size * columns_, 0.0f);
-    if (count_ == 0) return r;
+    if (count_ == 0 || size == 0) return r;
     // Centred sums; that of Y_q is one of Y_q Y_0.
     std::vector<double> covariance;
     for (std::size_t q = 1; q <= size; ++q) {
