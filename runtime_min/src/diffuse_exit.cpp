@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "columns.h"
 #include "envbake/runtime/sh.h"
 #include "envbake/runtime/shade.h"
 #include "float8.h"
@@ -10,34 +11,44 @@
 namespace envbake::runtime {
 namespace {
 
-constexpr std::size_t kMaxCoeffs = static_cast<std::size_t>(sh::coeff_count(sh::kMaxBundleBands));
+/// Of a row: three channels.
+constexpr std::size_t kMaxNumbers =
+    3 * static_cast<std::size_t>(sh::coeff_count(sh::kMaxBundleBands));
 
-/// A light as rows of one kind meet it: what each number of a row is multiplied by for red, green
-/// and blue, and what comes on top of the sum.
+/// Which numbers of a row meet a light.
+struct RowShape {
+    RowShape(int bands, int channels, const ShLightingView& lighting)
+        : stride(static_cast<std::size_t>(channels)),
+          size(static_cast<std::size_t>(sh::coeff_count(bands)) * stride),
+          count(std::min(size, lighting.coeffs.size() / 3 * stride)) {}
+
+    /// What red, green or blue (c) of the light is for a number of the row.
+    float light(const ShLightingView& lighting, std::size_t slot, std::size_t c) const {
+        return stride == 3 && slot % 3 != c ? 0 : lighting.coeffs[3 * (slot / stride) + c];
+    }
+
+    std::size_t stride;  ///< transport channels, 1 or 3
+    std::size_t size;    ///< numbers of a row
+    std::size_t count;   ///< of them, those of bands that the light has too
+};
+
+/// A light as rows of f32 or f16 meet it: what each number of a row is multiplied by for red, green
+/// and blue.
 class RowLight {
   public:
-    /// `range`: low and step of each number of a row; null where rows are the numbers themselves.
-    RowLight(int bands, int channels, const ShLightingView& lighting, const float* range) {
-        const auto coeffs = static_cast<std::size_t>(sh::coeff_count(bands));
-        const auto stride = static_cast<std::size_t>(channels);
-        row_size_ = coeffs * stride;
-        count_ = std::min(coeffs, lighting.coeffs.size() / 3) * stride;
+    RowLight(int bands, int channels, const ShLightingView& lighting) {
+        const RowShape shape(bands, channels, lighting);
+        row_size_ = shape.size;
+        count_ = shape.count;
         // The last vector may overlap the one before: it counts what that has not.
         for (std::size_t begin = 0; begin < count_; begin += kLanes) {
             const std::size_t at =
                 begin + kLanes <= count_ || count_ < kLanes ? begin : count_ - kLanes;
             Vector& vector = vectors_[vector_count_++];
             vector = {at, {}};
-            for (std::size_t slot = begin; slot < std::min(begin + kLanes, count_); ++slot) {
-                const float low = range != nullptr ? range[2 * slot] : 0;
-                const float step = range != nullptr ? range[2 * slot + 1] : 1;
-                for (std::size_t c = 0; c < 3; ++c) {
-                    if (stride == 3 && slot % 3 != c) continue;
-                    const float light = lighting.coeffs[3 * (slot / stride) + c];
-                    low_[c] += light * low;
-                    vector.factors[c][slot - at] = light * step;
-                }
-            }
+            for (std::size_t slot = begin; slot < std::min(begin + kLanes, count_); ++slot)
+                for (std::size_t c = 0; c < 3; ++c)
+                    vector.factors[c][slot - at] = shape.light(lighting, slot, c);
         }
     }
 
@@ -69,12 +80,12 @@ class RowLight {
                     multiply_add(numbers, factors[c], products[c][k]);
             }
         }
-        store_colours(products, low_, out);
+        store_colours(products, out);
     }
 
     template <class T>
     void exit_of_one(const T* row, Rgb& out) const {
-        out = low_;
+        out = {};
         for (std::size_t i = 0; i < vector_count_; ++i) {
             const Vector& vector = vectors_[i];
             for (std::size_t k = 0; k < std::min(kLanes, count_); ++k) {
@@ -89,11 +100,111 @@ class RowLight {
         std::size_t at = 0;  ///< the first
         float factors[3][kLanes];
     };
-    static constexpr std::size_t kMaxVectors = (3 * kMaxCoeffs + kLanes - 1) / kLanes;
+    static constexpr std::size_t kMaxVectors = (kMaxNumbers + kLanes - 1) / kLanes;
 
     std::size_t row_size_ = 0, count_ = 0, vector_count_ = 0;
     std::array<Vector, kMaxVectors> vectors_;  ///< the first vector_count_ are filled
+};
+
+/// Number i of those that lie in each word, times unit_of<Code>(i): a byte stays where it is.
+template <class Code>
+Floats numbers_in(const Words& words, std::size_t i) {
+    constexpr std::uint32_t kBits = 8 * sizeof(Code);
+    const auto begin = static_cast<std::uint32_t>(i) * kBits;
+    return to_floats(begin + kBits == 32 ? words >> begin : words & ((1u << kBits) - 1) << begin);
+}
+template <class Code>
+float unit_of(std::size_t i) {
+    const std::size_t begin = 8 * sizeof(Code) * i;
+    return begin + 8 * sizeof(Code) == 32 ? 1 : static_cast<float>(1u << begin);
+}
+
+/// A light as rows of unorm8 or unorm16 meet it.
+template <class Code>
+class CodeLight {
+  public:
+    /// `range`: low and step of each number of a row.
+    CodeLight(int bands, int channels, const ShLightingView& lighting, const float* range) {
+        const RowShape shape(bands, channels, lighting);
+        row_size_ = shape.size;
+        count_ = shape.count;
+        for (std::size_t slot = 0; slot < count_; ++slot)
+            for (std::size_t c = 0; c < 3; ++c) {
+                const float light = shape.light(lighting, slot, c);
+                low_[c] += light * range[2 * slot];
+                factors_[slot][c] = light * range[2 * slot + 1] / unit_of<Code>(slot % kInWord);
+            }
+    }
+
+    /// Rows from the `first` on, one for each of `out`.
+    void exit(const void* codes, std::uint64_t first, std::span<Rgb> out) const {
+        const Code* rows = static_cast<const Code*>(codes) + first * row_size_;
+        std::size_t v = 0;
+        while (v < out.size()) {
+            const std::size_t left = out.size() - v;
+            if (left >= kAtOnce && (left - kAtOnce) * row_size_ >= kOverread) {
+                exit_of_some(rows + v * row_size_, &out[v]);
+            } else {
+                exit_of_copy(rows + v * row_size_, out.subspan(v, std::min(left, kAtOnce)));
+            }
+            v += kAtOnce;
+        }
+    }
+
+  private:
+    static constexpr std::size_t kInWord = 4 / sizeof(Code);
+    static constexpr std::size_t kInColumns = 4 * kInWord;
+    static constexpr std::size_t kOverread = kInColumns - 1;  ///< codes, at most
+    /// Two sums a channel, so that one addition waits less for another: of two groups of vertices,
+    /// or where one fills the widest vectors, of its even and odd numbers.
+    static constexpr std::size_t kGroups = kWidth == 16 ? 1 : 2;
+    static constexpr std::size_t kAtOnce = kGroups * kWidth;
+
+    void exit_of_some(const Code* rows, Rgb* out) const {
+        Floats sum[2][3] = {};
+        for (std::size_t slot = 0; slot < count_; slot += kInColumns) {
+            Words columns[kGroups][4];
+            for (std::size_t g = 0; g < kGroups; ++g) {
+                load_columns(
+                    reinterpret_cast<const std::byte*>(rows + g * kWidth * row_size_ + slot),
+                    row_size_ * sizeof(Code), columns[g]);
+            }
+#pragma GCC unroll 4  // columns stay in registers
+            for (std::size_t w = 0; w < 4; ++w) {
+                if (slot + w * kInWord >= count_) break;
+                for (std::size_t i = 0; i < kInWord; ++i) {
+                    const Rgb& factors = factors_[slot + w * kInWord + i];
+                    for (std::size_t g = 0; g < kGroups; ++g) {
+                        const Floats numbers = numbers_in<Code>(columns[g][w], i);
+                        for (std::size_t c = 0; c < 3; ++c)
+                            sum[kGroups == 1 ? i % 2 : g][c] += numbers * in_every_lane(factors[c]);
+                    }
+                }
+            }
+        }
+        if (kGroups == 1) {
+            for (std::size_t c = 0; c < 3; ++c) sum[0][c] += sum[1][c];
+        }
+        for (std::size_t g = 0; g < kGroups; ++g) {
+            store_columns(in_every_lane(low_[0]) + sum[g][0], in_every_lane(low_[1]) + sum[g][1],
+                          in_every_lane(low_[2]) + sum[g][2], out[g * kWidth].data());
+        }
+    }
+
+    /// Rows that are too few, or too near the end of their array to be read beyond.
+    void exit_of_copy(const Code* rows, std::span<Rgb> out) const {
+        std::array<Code, kAtOnce * kMaxNumbers + kOverread> copy;
+        std::array<Rgb, kAtOnce> colours;
+        const auto end = std::copy_n(rows, out.size() * row_size_, copy.begin());
+        std::fill(end, copy.begin() + static_cast<std::ptrdiff_t>(kAtOnce * row_size_ + kOverread),
+                  Code{0});
+        exit_of_some(copy.data(), colours.data());
+        std::copy_n(colours.begin(), out.size(), out.begin());
+    }
+
+    std::size_t row_size_ = 0, count_ = 0;
     Rgb low_{};
+    std::array<Rgb, kMaxNumbers + kInWord - 1> factors_{};  ///< 0 from count_ on
 };
 
 /// A damaged bundle may name a cluster that does not exist; it gets the first.
@@ -149,7 +260,7 @@ class ProjectedClusters {
                 }
             }
         }
-        store_colours(products, {}, out);
+        store_colours(products, out);
     }
 
     Rgb exit_of_one(const float* projected, const std::uint8_t* weights) const {
@@ -238,25 +349,27 @@ void diffuse_exit(const TransportView& transport, const ShLightingView& lighting
                   std::uint64_t first, std::span<Rgb> out) noexcept {
     out = existing(transport, first, out);
     if (out.empty()) return;
-    const RowLight light(transport.bands, transport.channels, lighting, transport.range);
-    const std::uint64_t begin = first * light.row_size();
     switch (transport.encoding) {
+        case TransportEncoding::Unorm16:
+            CodeLight<std::uint16_t>(transport.bands, transport.channels, lighting, transport.range)
+                .exit(transport.codes, first, out);
+            break;
+        case TransportEncoding::Unorm8:
+            CodeLight<std::uint8_t>(transport.bands, transport.channels, lighting, transport.range)
+                .exit(transport.codes, first, out);
+            break;
         case TransportEncoding::Float:
-            if (transport.values.is_half) {
+        case TransportEncoding::Clustered: {
+            const RowLight light(transport.bands, transport.channels, lighting);
+            const std::uint64_t begin = first * light.row_size();
+            if (transport.encoding == TransportEncoding::Clustered) {
+                exit_of_clusters(transport, light, first, out);
+            } else if (transport.values.is_half) {
                 light.exit(static_cast<const HalfBits*>(transport.values.data) + begin, out);
             } else {
                 light.exit(static_cast<const float*>(transport.values.data) + begin, out);
             }
-            break;
-        case TransportEncoding::Unorm16:
-            light.exit(static_cast<const std::uint16_t*>(transport.codes) + begin, out);
-            break;
-        case TransportEncoding::Unorm8:
-            light.exit(static_cast<const std::uint8_t*>(transport.codes) + begin, out);
-            break;
-        case TransportEncoding::Clustered:
-            exit_of_clusters(transport, light, first, out);
-            break;
+        }
     }
     add_emitted(transport, first, out);
 }
@@ -269,7 +382,7 @@ void project_light(const ClusterBasisView& basis, const ShLightingView& lighting
                    std::span<float> projected) noexcept {
     if (basis.cluster_count == 0 || projected.size() != projected_size(basis)) return;
     const ProjectedClusters clusters(basis);
-    const RowLight light(basis.bands, basis.channels, lighting, nullptr);
+    const RowLight light(basis.bands, basis.channels, lighting);
     for (std::uint32_t cluster = 0; cluster < basis.cluster_count; ++cluster) {
         clusters.project(basis, light, cluster, &projected[cluster * clusters.cluster_size()]);
     }

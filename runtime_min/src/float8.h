@@ -37,9 +37,6 @@ inline float to_float(HalfBits value) {
 inline float to_float(std::uint8_t value) {
     return value;
 }
-inline float to_float(std::uint16_t value) {
-    return value;
-}
 
 #if defined(ENVBAKE_VECTORS)
 using Float4 = float __attribute__((vector_size(16)));
@@ -65,10 +62,6 @@ inline Float8 load8(const float* from) {
 }
 inline Float8 load8(const HalfBits* from) {
     return _mm256_cvtph_ps(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from)));
-}
-inline Float8 load8(const std::uint16_t* from) {
-    const __m128i words = _mm_loadu_si128(reinterpret_cast<const __m128i*>(from));
-    return _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(words));
 }
 inline Float8 load8(const std::uint8_t* from) {
     const __m128i bytes = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(from));
@@ -144,9 +137,6 @@ inline Float4 halves_to_floats(I32x4 half) {
 inline Float8 load8(const float* from) {
     return {detail::copied<Float4>(from), detail::copied<Float4>(from + 4)};
 }
-inline Float8 load8(const std::uint16_t* from) {
-    return detail::to_floats(detail::copied<detail::U16x8>(from));
-}
 inline Float8 load8(const std::uint8_t* from) {
     using U64x2 = std::uint64_t __attribute__((vector_size(16)));
     std::uint64_t eight = 0;
@@ -174,11 +164,9 @@ inline Float4 sums(const Float8* v) {
 }
 #endif
 
-/// Four colours, `low` and the sums of their three channels' lanes.
-inline void store_colours(const Float8 (&channels)[3][4], const std::array<float, 3>& low,
-                          std::array<float, 3>* colours) {
-    const Float4 r = low[0] + sums(channels[0]), g = low[1] + sums(channels[1]),
-                 b = low[2] + sums(channels[2]);
+/// Four colours, the sums of their three channels' lanes.
+inline void store_colours(const Float8 (&channels)[3][4], std::array<float, 3>* colours) {
+    const Float4 r = sums(channels[0]), g = sums(channels[1]), b = sums(channels[2]);
     const Float4 rg = __builtin_shufflevector(r, g, 0, 4, 1, 5);             // r0 g0 r1 g1
     const Float4 rg_next = __builtin_shufflevector(r, g, 2, 6, 3, 7);        // r2 g2 r3 g3
     const Float4 bg = __builtin_shufflevector(rg, b, 3, 5, 3, 5);            // g1 b1
@@ -233,14 +221,12 @@ inline Float8 load8(const T* from) {
     return loaded;
 }
 
-/// Four colours, `low` and the sums of their three channels' lanes.
-inline void store_colours(const Float8 (&channels)[3][4], const std::array<float, 3>& low,
-                          std::array<float, 3>* colours) {
+/// Four colours, the sums of their three channels' lanes.
+inline void store_colours(const Float8 (&channels)[3][4], std::array<float, 3>* colours) {
     for (std::size_t k = 0; k < 4; ++k)
         for (std::size_t c = 0; c < 3; ++c) {
             const std::array<float, kLanes>& x = channels[c][k].v;
-            colours[k][c] =
-                low[c] + (((x[0] + x[4]) + (x[2] + x[6])) + ((x[1] + x[5]) + (x[3] + x[7])));
+            colours[k][c] = ((x[0] + x[4]) + (x[2] + x[6])) + ((x[1] + x[5]) + (x[3] + x[7]));
         }
 }
 #endif
