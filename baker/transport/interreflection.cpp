@@ -307,7 +307,8 @@ void Interreflection::choose_strides_of_lobes(double stride) {
     std::vector<bool> more(job_.lobes.errors.size());
     double smaller = stride;
     for (int round = 0; round < 3; ++round) {
-        const auto errors = errors_of_lobes(look_of_lobes(smaller), smaller);
+        const auto& [at, look] = *looks_.emplace(smaller, look_of_lobes(smaller)).first;
+        const auto errors = errors_of_lobes(look, at);
         double change = 1;
         for (std::size_t lobe = 0; lobe < errors.size(); ++lobe) {
             const double least = errors[lobe].least();
@@ -322,8 +323,11 @@ void Interreflection::choose_strides_of_lobes(double stride) {
     }
     for (std::size_t lobe = 0; lobe < more.size(); ++lobe)
         strides_of_lobes_.push_back(more[lobe] ? smaller : stride);
-    for (const double chosen : strides_of_lobes_)
-        if (!looks_.contains(chosen)) looks_.emplace(chosen, look_of_lobes(chosen));
+    if (!looks_.contains(smaller)) looks_.emplace(smaller, look_of_lobes(smaller));
+    std::erase_if(looks_, [&](const auto& look) {
+        return std::find(strides_of_lobes_.begin(), strides_of_lobes_.end(), look.first) ==
+               strides_of_lobes_.end();
+    });
 }
 
 /// Those that nothing makes negative come first: they tell when the series may end. Survival

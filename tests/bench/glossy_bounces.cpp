@@ -12,7 +12,10 @@
 // on both sides (error of the lobe and of the rays alone), and of shading without them what is true
 // with them (what they are worth); the noise of the truth. Of matrices: |t - t_true|_F / |a + b of
 // an open vertex|_F, rms over places and channels, as baked and with the mean alone, and what the
-// bundle states. Bytes a vertex of what is stored beyond the mean; places.
+// bundle states. Bytes a vertex of what is stored beyond the mean. Of the surfaces that views of
+// a place meet: the share of those nearer than their longest edge; the direct light that they
+// have by the bundle, linear between vertices, over that found from where they are met, of the near
+// ones and of the far. Places.
 //
 // Of the baker the truth uses the places that rays start from and the tracer.
 #include "baker/input/read_scene.h"
@@ -57,11 +60,14 @@ DMat3 frame_about(const DVec3& n) {
 /// What the diffuse scene sends along a ray, its light and the light between its surfaces.
 class PathTracer {
   public:
-    PathTracer(const Scene& scene, const Tracer& tracer, const runtime::ShLightingView& lighting)
-        : scene_(scene), tracer_(tracer), lighting_(lighting) {}
+    PathTracer(const Scene& scene, const Tracer& tracer, const runtime::Bundle& bundle)
+        : scene_(scene), tracer_(tracer), bundle_(bundle), lighting_(bundle.lighting()) {}
 
     struct Radiance {
         DVec3 direct{0}, all{0};  ///< of the lighting alone, and with all bounces
+        /// Of the first surface, where it reflects: how far it is, in lengths of its longest edge;
+        /// what the lighting sends it directly, by this path and by the bundle, sums of RGB.
+        double edges_away = 0, found = 0, told = 0;
     };
 
     Radiance along(DVec3 origin, DVec3 direction, Random& random) const {
@@ -72,6 +78,7 @@ class PathTracer {
             if (!hit) {
                 radiance.all = throughput * sky(direction);
                 if (bounce == 0) radiance.direct = radiance.all;
+                if (bounce == 1) radiance.found = sum(radiance.all);
                 return radiance;
             }
             const Material& material =
@@ -82,6 +89,7 @@ class PathTracer {
                 normal = -normal;
             }
             throughput *= DVec3(material.base_color) * double{1 - material.metallic};
+            if (bounce == 0 && material.metallic < 1) meet(*hit, throughput, radiance);
             const DVec3 point = origin + direction * double{hit->distance};
             // Off the triangle by more than the rounding of a float.
             const double reach = glm::length(point) + double{hit->distance};
@@ -92,6 +100,28 @@ class PathTracer {
     }
 
   private:
+    static double sum(const DVec3& v) { return v.x + v.y + v.z; }
+
+    void meet(const Hit& hit, const DVec3& albedo, Radiance& radiance) const {
+        const Mesh& mesh = scene_.meshes[hit.mesh];
+        const runtime::GlossyView& glossy = bundle_.meshes()[hit.mesh].glossy;
+        const DVec3 bary(1 - hit.u - hit.v, hit.u, hit.v);
+        DVec3 corners[3];
+        double edge = 0;
+        for (int k = 0; k < 3; ++k) {
+            const std::uint32_t v = mesh.triangles[3 * hit.triangle + static_cast<std::size_t>(k)];
+            corners[k] = DVec3(mesh.positions[v]);
+            for (int other = 0; other < k; ++other)
+                edge = std::max(edge, glm::length(corners[k] - corners[other]));
+            for (std::size_t i = 0; i < 25; ++i)
+                for (int c = 0; c < 3; ++c)
+                    radiance.told += bary[k] * albedo[c] *
+                                     double{lighting_.coeffs[3 * i + static_cast<std::size_t>(c)]} *
+                                     double{glossy.visibility[std::uint64_t{v} * 121 + i]};
+        }
+        radiance.edges_away = double{hit.distance} / edge;
+    }
+
     DVec3 sky(const DVec3& w) const {
         std::vector<double> basis(lighting_.coeffs.size() / 3);
         sh::evaluate(lighting_.bands, w.x, w.y, w.z, basis.data());
@@ -104,12 +134,16 @@ class PathTracer {
 
     const Scene& scene_;
     const Tracer& tracer_;
+    const runtime::Bundle& bundle_;
     const runtime::ShLightingView& lighting_;
 };
 
 struct Sums {
     double truth = 0, with = 0, mean = 0, without = 0, dark = 0, noise = 0;
     double matrix = 0, matrix_of_mean = 0, stated = 0, white = 0;
+    struct Met {
+        double count = 0, found = 0, told = 0;
+    } near, far;  ///< surfaces, within the length of their edge and beyond it
 };
 
 /// What a place has blocked of each coefficient of the lighting, less what it is sent from there,
@@ -247,7 +281,7 @@ int run(const std::string& scene_file, const std::string& bundle_file, std::size
     const auto metadata = nlohmann::json::parse(bundle->reader().metadata());
     const auto tracer = Tracer::build(*scene);
     if (!tracer) return 1;
-    const PathTracer paths(*scene, *tracer, bundle->lighting());
+    const PathTracer paths(*scene, *tracer, *bundle);
     const float roughness = bundle->glossy_lobe().min_roughness;
     const double alpha = double{roughness} * double{roughness};
     Random random(1);
@@ -290,6 +324,12 @@ int run(const std::string& scene_file, const std::string& bundle_file, std::size
                 PathTracer::Radiance L;
                 if (l.z > 0) {
                     L = paths.along(origin.position, frame * l, random);
+                    if (L.edges_away > 0) {
+                        Sums::Met& met = L.edges_away < 1 ? sums.near : sums.far;
+                        met.count += 1;
+                        met.found += L.found;
+                        met.told += L.told;
+                    }
                     // f n.l / density = G2 / G1, F = 1
                     const double a = runtime::ggx_lambda(v.z, alpha),
                                  b = runtime::ggx_lambda(l.z, alpha);
@@ -318,12 +358,14 @@ int run(const std::string& scene_file, const std::string& bundle_file, std::size
     const auto percent = [&](double sum) { return 100 * std::sqrt(sum / sums.truth); };
     std::printf(
         "scene,roughness,with_bounces,with_their_mean,without_on_both_sides,left_out,noise,"
-        "true_rms,true_rms_of_mean,stated_rms,bytes,places\n");
-    std::printf("%s,%.2f,%.2f,%.2f,%.2f,%.2f,%.2f,%.3e,%.3e,%.3e,%d,%zu\n",
+        "true_rms,true_rms_of_mean,stated_rms,bytes,near_share,near_told,far_told,places\n");
+    std::printf("%s,%.2f,%.2f,%.2f,%.2f,%.2f,%.2f,%.3e,%.3e,%.3e,%d,%.3f,%.3f,%.3f,%zu\n",
                 scene->file_name.c_str(), double{roughness}, percent(sums.with), percent(sums.mean),
                 percent(sums.without), percent(sums.dark), percent(sums.noise),
                 std::sqrt(sums.matrix / sums.white), std::sqrt(sums.matrix_of_mean / sums.white),
-                std::sqrt(sums.stated / static_cast<double>(places)), bytes, places);
+                std::sqrt(sums.stated / static_cast<double>(places)), bytes,
+                sums.near.count / (sums.near.count + sums.far.count),
+                sums.near.told / sums.near.found, sums.far.told / sums.far.found, places);
     return 0;
 }
 

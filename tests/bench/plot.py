@@ -131,6 +131,8 @@ def draw(stage, rows):
 def main():
     if len(sys.argv) != 3:
         sys.exit(__doc__)
+    if not Path(sys.argv[1]).exists():
+        sys.exit(f"{sys.argv[1]} is not there: its plots stay as they were")
     by_stage = defaultdict(list)
     with open(sys.argv[1], newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):

@@ -8,6 +8,7 @@ scene and environment; the lower of two lines is the better choice.
 import csv
 import math
 import sys
+from pathlib import Path
 
 WIDTH, HEIGHT, LEFT, TOP, GAP, BOTTOM = 230, 220, 56, 56, 24, 64
 LINES = {"glossy_percent": ("#1a8f5a", "glossy transport"), "split_sum_percent": ("#3f74c6", "split sum"),
@@ -49,6 +50,8 @@ def panel(index, title, rows):
 def main():
     if len(sys.argv) != 3:
         sys.exit(__doc__)
+    if not Path(sys.argv[1]).exists():
+        sys.exit(f"{sys.argv[1]} is not there: its plots stay as they were")
     with open(sys.argv[1], newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     panels = list(dict.fromkeys((r["scene"], r["environment"]) for r in rows))

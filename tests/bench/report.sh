@@ -223,11 +223,14 @@ for name in "${only[@]}"; do
     [[ " ${names[*]} " == *" $name "* ]] || { echo "no step $name; there are: ${names[*]}" >&2; exit 2; }
 done
 
-tests/bench/plot.py "$out/lighting.csv" docs/images || failed+=("plots of lighting")
-tests/bench/plot.py "$out/transport.csv" docs/images || failed+=("plot of transport")
-tests/bench/plot_glossy.py "$out/glossy_pictures.csv" docs/images/glossy_against_split_sum.svg ||
-    failed+=("plot of glossy transport")
-tests/bench/plot_curves.py "$out" docs/images || failed+=("plots of wavelets, scaling, memory and runtime")
-tests/bench/write_tables.py "$out" docs/accuracy.md docs/performance.md || failed+=("tables")
+draw() {  # of single steps there is not everything that is drawn and written
+    "${@:2}" || ((${#only[@]})) || failed+=("$1")
+}
+draw "plots of lighting" tests/bench/plot.py "$out/lighting.csv" docs/images
+draw "plot of transport" tests/bench/plot.py "$out/transport.csv" docs/images
+draw "plot of glossy transport" tests/bench/plot_glossy.py "$out/glossy_pictures.csv" \
+    docs/images/glossy_against_split_sum.svg
+draw "plots of wavelets, scaling, memory and runtime" tests/bench/plot_curves.py "$out" docs/images
+draw tables tests/bench/write_tables.py "$out" docs/accuracy.md docs/performance.md
 
 ((${#failed[@]} == 0)) || { printf 'failed: %s\n' "${failed[*]}" >&2; exit 1; }
