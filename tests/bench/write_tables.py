@@ -145,11 +145,10 @@ def glossy_check(rows):
 
 def glossy_bounces(rows):
     header = ["scene", "r", "with bounces", "their mean alone", "without, on both sides", "left out",
-              "noise of the truth", "seen within an edge", "light there", "light beyond"]
+              "noise of the truth"]
     keys = ("with_bounces", "with_their_mean", "without_on_both_sides", "left_out", "noise")
     return header, [[name(r["scene"].removesuffix(".glb")), f"{float(r['roughness']):g}",
-                     *(f"{float(r[k]):.2g} %" for k in keys), f"{100 * float(r['near_share']):.0f} %",
-                     f"{float(r['near_told']):.2f}", f"{float(r['far_told']):.2f}"] for r in rows]
+                     *(f"{float(r[k]):.2g} %" for k in keys)] for r in rows]
 
 
 def glossy_bounces_matrices(rows):

@@ -66,8 +66,7 @@ class GlossyLight {
     GlossyLight(const ShLightingView& lighting, int light_bands) noexcept;
 
     /// Some 20,000 multiply-adds, and up to 10,000 more by "mesh/I/reflected". Of a vertex past the
-    /// end, or of a mesh without glossy transport
-    /// or with that of other bands: nothing.
+    /// end, or of a mesh without glossy transport or with that of other bands: nothing.
     [[nodiscard]] TransferredLight transfer(const Mesh& mesh, std::uint64_t vertex) const noexcept;
 
   private:
